@@ -199,7 +199,7 @@ class Device(Closing):
         Instants per exposure at which a moving scene is rendered, 1 to 256.
     motion_tolerance : float
         Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated between
-        instants, such as 0.01; 0 computes it at each.
+        instants instead of computed at each; 0 computes it at each.
     noise, exact_calibration : bool, optional
         Whether the sensor has noise, and whether the device reports its exact rig; by default as the profile
         says.
@@ -236,7 +236,7 @@ class Device(Closing):
         backend: Literal["cpu", "gpu", "auto"] = "cpu",
         samples: int = 1,
         time_samples: int = 4,
-        motion_tolerance: float = 0.0,
+        motion_tolerance: float = 0.01,
         noise: bool | None = None,
         exact_calibration: bool | None = None,
         dialect: str | os.PathLike[str] | None = None,

@@ -57,8 +57,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
     /// Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
-    /// between instants, such as 0.01, instead of computed at each; 0 computes it at each
-    #[arg(long, value_name = "PX", default_value_t = 0.0)]
+    /// between instants instead of computed at each; 0 computes it at each
+    #[arg(long, value_name = "PX", default_value_t = RenderOptions::default().motion_tolerance_px)]
     motion_tolerance: f64,
     /// Where the render passes run
     #[arg(long, value_enum, default_value_t = BackendArg::Cpu)]

@@ -176,7 +176,7 @@ impl DeviceBuilder {
     }
 
     /// Sets the maximum error, 0 to 1 projector pixels, with which the geometry of a moving scene may be
-    /// interpolated between points in time. With 0, the default, the geometry is traced at every point
+    /// interpolated between points in time, 0.01 by default. With 0, the geometry is traced at every point
     /// in time.
     pub fn motion_tolerance(mut self, pixels: f64) -> Self {
         self.options.motion_tolerance_px = pixels;

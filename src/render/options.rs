@@ -17,15 +17,16 @@ pub struct Options {
     /// is used.
     pub time_samples: u32,
     /// Maximum error in projector pixels with which the geometry of a moving scene may be
-    /// interpolated between key instants instead of traced at each instant. With 0, it is traced at
-    /// each instant. Ground truth is always traced.
+    /// interpolated between key instants instead of traced at each instant; 0.01 by default. With 0, it
+    /// is traced at each instant. Ground truth is always traced.
     pub motion_tolerance_px: f64,
     /// Processor that runs the passes.
     pub backend: Backend,
 }
 
 /// Processor that runs the passes. The images of CPU and GPU differ by f32 rounding and therefore
-/// occasionally by a grey level. Ground truth is always computed on the CPU, in f64.
+/// occasionally by a grey level. Only the CPU interpolates the geometry of moving scenes
+/// ([`Options::motion_tolerance_px`]). Ground truth is always computed on the CPU, in f64.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Backend {
@@ -44,7 +45,7 @@ impl Default for Options {
         Self {
             samples: 1,
             time_samples: 4,
-            motion_tolerance_px: 0.0,
+            motion_tolerance_px: 0.01,
             backend: Backend::Cpu,
         }
     }

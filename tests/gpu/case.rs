@@ -54,7 +54,11 @@ impl Case {
             name,
             profile,
             scene,
-            options: Options::default(),
+            // Only the CPU interpolates the geometry of moving scenes.
+            options: Options {
+                motion_tolerance_px: 0.0,
+                ..Options::default()
+            },
             shots: Vec::new(),
         };
         let fringe = Pattern::Fringe {

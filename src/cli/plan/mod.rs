@@ -34,8 +34,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
     /// Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
-    /// between instants, such as 0.01; 0 computes it at each
-    #[arg(long, value_name = "PX", default_value_t = 0.0)]
+    /// between instants instead of computed at each; 0 computes it at each
+    #[arg(long, value_name = "PX", default_value_t = Options::default().motion_tolerance_px)]
     motion_tolerance: f64,
     /// Scan the scene with every setting that trades error for run time, and name the fastest one whose RMS depth error is at most this length: 0.1mm, 50um
     #[arg(long, value_name = "LENGTH", value_parser = accuracy::length_mm)]

@@ -6,6 +6,7 @@ use phasmid_core::error::Result;
 use phasmid_device::link::Tcp;
 use phasmid_protocol::admission::Token;
 use phasmid_protocol::service::ClockPace;
+use phasmid_render::Options;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -64,8 +65,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(super) time_samples: u32,
     /// Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
-    /// between instants, such as 0.01, instead of computed at each; 0 computes it at each.
-    #[arg(long, value_name = "PX", default_value_t = 0.0)]
+    /// between instants instead of computed at each; 0 computes it at each.
+    #[arg(long, value_name = "PX", default_value_t = Options::default().motion_tolerance_px)]
     pub(super) motion_tolerance: f64,
     /// Where the render passes run.
     #[arg(long, value_enum, default_value_t = BackendArg::Cpu)]

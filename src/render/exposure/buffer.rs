@@ -1,7 +1,7 @@
 //! Output of the geometry pass: one value per pixel and quantity.
 
 use super::indirect_map::InterreflectionMap;
-use super::kernel::{Blurred, Kernels, KeyKernels};
+use super::kernel::{Blurred, Kernels, KeyFootprint, KeyKernels};
 use super::skin_maps::{Samples, SkinMaps};
 use crate::scene::Surface;
 use crate::{Plan, Term};
@@ -98,8 +98,8 @@ impl Mixed {
 /// Pixels and samples whose levels under blur are interpolated between the levels at key instants.
 pub(crate) struct KeyLevels<'a> {
     pub(crate) keys: [&'a GeometryBuffer; 3],
-    /// Weights of the levels at the key instants.
-    pub(crate) weights: [f32; 3],
+    /// Weights of the levels at the key instants, for each row of the camera.
+    pub(crate) weights: Vec<[f32; 3]>,
     /// One value per pixel; bit 0 is set if levels along x are interpolated, bit 1 along y.
     pub(crate) along: &'a [u8],
     /// Indices, in the key instants' lists, of the mixed pixels whose levels are interpolated, for x and
@@ -113,7 +113,7 @@ impl KeyLevels<'_> {
         let [a, b, c] = self.keys.map(|key| key.kernels[axis].clone());
         Some(KeyKernels {
             kernels: [a?, b?, c?],
-            weights: self.weights,
+            weights: self.weights.clone(),
         })
     }
 
@@ -289,9 +289,16 @@ impl GeometryBuffer {
             let (term, x, slope) = axes[axis];
             plan.has(term).then(|| {
                 let keys = levels.and_then(|levels| levels.kernels(axis));
-                let indices = |i| levels.and_then(|levels| levels.indices(axis, i));
+                let between = |i: usize| {
+                    let indices = levels?.indices(axis, i)?;
+                    let pixel = i
+                        .checked_sub(n)
+                        .map_or(i, |sample| self.mixed[sample / 16].pixel as usize);
+                    let row = (pixel / self.width) as u32;
+                    Some(KeyFootprint { indices, row })
+                };
                 let count = n + 16 * self.mixed.len();
-                let kernels = Kernels::new(count, size[axis], keys, indices, |i| {
+                let kernels = Kernels::new(count, size[axis], keys, between, |i| {
                     if i >= n {
                         return of_mixed(axis, i - n);
                     }

@@ -41,19 +41,28 @@ pub(crate) struct Kernels {
     keys: Option<KeyKernels>,
 }
 
-/// The kernels at three instants, and the weights with which the levels under them are added.
+/// The kernels at three key instants.
 #[derive(Debug, Clone)]
 pub(crate) struct KeyKernels {
     pub(crate) kernels: [Arc<Kernels>; 3],
-    pub(crate) weights: [f32; 3],
+    /// Weights of the levels at the key instants, for each row of the camera.
+    pub(crate) weights: Vec<[f32; 3]>,
+}
+
+/// A footprint whose level is interpolated between key instants.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct KeyFootprint {
+    /// Index of the footprint at each key instant.
+    pub(crate) indices: [u32; 3],
+    /// Row of the camera.
+    pub(crate) row: u32,
 }
 
 #[derive(Debug, Clone, Default)]
 struct Block {
     runs: Vec<Run>,
     weights: Vec<f32>,
-    /// Indices of footprints at the key instants.
-    keys: Vec<[u32; 3]>,
+    keys: Vec<KeyFootprint>,
 }
 
 /// Value of [`Run::len`] for a footprint whose level is the sum over key kernels. [`Run::from`] is its
@@ -88,21 +97,21 @@ pub(crate) struct Blurred<'a> {
 impl Kernels {
     /// Computes the kernels of `count` footprints on a row of `len` pattern pixels.
     ///
-    /// `indices` returns the indices of a footprint in `keys` if its level is interpolated. It needs no
-    /// kernel then, unless it is sharp at one of the key instants.
+    /// `between` returns a footprint of `keys` if the level is interpolated. It needs no kernel then,
+    /// unless it is sharp at one of the key instants.
     pub(crate) fn new<'a>(
         count: usize,
         len: usize,
         keys: Option<KeyKernels>,
-        indices: impl Fn(usize) -> Option<[u32; 3]> + Sync,
+        between: impl Fn(usize) -> Option<KeyFootprint> + Sync,
         footprint: impl Fn(usize) -> Blurred<'a> + Sync,
     ) -> Self {
         let bell = Bell::new();
-        let key_indices = |k: usize| {
-            let (keys, indices) = (keys.as_ref()?, indices(k)?);
-            let mut kernels = keys.kernels.iter().zip(indices);
+        let blurred_between = |k: usize| {
+            let (keys, found) = (keys.as_ref()?, between(k)?);
+            let mut kernels = keys.kernels.iter().zip(found.indices);
             let all_blur = kernels.all(|(kernels, index)| kernels.blurs(index as usize));
-            all_blur.then_some(indices)
+            all_blur.then_some(found)
         };
         let blocks = (0..count.div_ceil(BLOCK))
             .into_par_iter()
@@ -111,15 +120,15 @@ impl Kernels {
                 block.weights.clear();
                 block.keys.clear();
                 for k in i * BLOCK..((i + 1) * BLOCK).min(count) {
-                    match key_indices(k) {
+                    match blurred_between(k) {
                         None => block.push(&bell, len, footprint(k)),
-                        Some(indices) => {
+                        Some(found) => {
                             block.runs.push(Run {
                                 from: block.keys.len() as u32,
                                 len: OF_KEYS,
                                 ..Run::default()
                             });
-                            block.keys.push(indices);
+                            block.keys.push(found);
                         }
                     }
                 }
@@ -143,9 +152,12 @@ impl Kernels {
         match (run.len, &self.keys) {
             (0, _) => None,
             (OF_KEYS, Some(keys)) => {
+                let found = block.keys[run.from as usize];
+                let weights = keys.weights[found.row as usize];
                 let mut level = 0.0;
-                for (k, index) in block.keys[run.from as usize].into_iter().enumerate() {
-                    level += keys.weights[k] * keys.kernels[k].own_average(index as usize, row);
+                for k in 0..weights.len() {
+                    let index = found.indices[k] as usize;
+                    level += weights[k] * keys.kernels[k].own_average(index, row);
                 }
                 Some(level)
             }
@@ -300,7 +312,7 @@ mod tests {
         }
     }
 
-    fn no_keys(_: usize) -> Option<[u32; 3]> {
+    fn no_keys(_: usize) -> Option<KeyFootprint> {
         None
     }
 
@@ -411,6 +423,10 @@ mod tests {
         let row: Vec<f64> = (0..120).map(|i| f64::from(i / 4 % 2)).collect();
         let held = HeldRow::new(&row);
         let slope = [1.3, 0.1];
+        let first = KeyFootprint {
+            indices: [0; 3],
+            row: 0,
+        };
         let single = |x: f32, sigma: f32| {
             Arc::new(Kernels::new(1, 120, None, no_keys, |_| {
                 blurred(x, slope, sigma)
@@ -424,14 +440,14 @@ mod tests {
             for s in [-1.0, -0.7, 0.2, 0.5] {
                 let keys = KeyKernels {
                     kernels: [at(-1.0), at(0.0), at(1.0)],
-                    weights: [0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)],
+                    weights: vec![[0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)]],
                 };
                 let own = single(x + s * distance, 0.2).average(0, &held).unwrap();
                 let between = Kernels::new(
                     1,
                     120,
                     Some(keys),
-                    |_| Some([0; 3]),
+                    |_| Some(first),
                     |_| unreachable!("the level is interpolated"),
                 );
                 worst = worst.max((between.average(0, &held).unwrap() - own).abs());
@@ -442,13 +458,13 @@ mod tests {
         assert!(worst > 1e-5 && worst < 0.0078, "{worst}");
         let keys = KeyKernels {
             kernels: [single(50.0, 0.2), single(50.0, 0.2), single(50.0, 0.0)],
-            weights: [0.0, 0.0, 1.0],
+            weights: vec![[0.0, 0.0, 1.0]],
         };
         let own = Kernels::new(
             1,
             120,
             Some(keys),
-            |_| Some([0; 3]),
+            |_| Some(first),
             |_| blurred(50.0, slope, 0.2),
         );
         assert_eq!(own.average(0, &held), single(50.0, 0.2).average(0, &held));

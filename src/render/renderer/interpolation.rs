@@ -13,9 +13,12 @@ use std::sync::Arc;
 
 /// Maximum fraction of the pixels that may be traced at every instant of a span. If more are needed,
 /// shorter distances between key instants are tried.
-const MOST_TRACED: f64 = 0.05;
+const MOST_TRACED: f64 = 0.06;
 /// The same maximum for the shortest distance between key instants.
 const MOST_TRACED_LAST: f64 = 0.3;
+/// Minimum number of exposures for which there must be time between the first and the last key instant
+/// of a span. Two key instants per span cost as much as four interpolated frames.
+const FEWEST_FRAMES: f64 = 6.0;
 /// Maximum motion of any point from the nearer key instant, in camera pixels.
 const MOST_REACH_PX: f64 = 3.0;
 
@@ -47,24 +50,25 @@ pub struct Interpolation {
 impl Renderer {
     /// Returns whether the options and the plan permit interpolated geometry.
     pub(super) fn interpolates(&self) -> bool {
-        let exact = [
-            Term::DepthOfField,
-            Term::AlbedoMaps,
-            Term::Interreflection,
-            Term::RollingShutter,
-        ];
+        let exact = [Term::DepthOfField, Term::AlbedoMaps, Term::Interreflection];
         self.options.motion_tolerance_px > 0.0
             && self.options.samples == 1
             && self.gpu.is_none()
             && !exact.into_iter().any(|term| self.plan.has(term))
     }
 
-    /// Returns the interpolation at a device time in nanoseconds, over the longest span in which the
-    /// motion is smooth enough. Returns `None` if there is no such span, so that the instant must be
-    /// traced. Moves the scene to other instants.
-    pub(super) fn between(&mut self, time_ns: f64) -> Option<Arc<Between>> {
-        for spacing_ns in SPACINGS_NS {
-            let span = Span::around(time_ns, spacing_ns);
+    /// Returns the interpolation from a first to a last device time in nanoseconds, over the longest span
+    /// in which the motion is smooth enough. Returns `None` if there is no such span, so that the frame
+    /// must be traced. Moves the scene to other instants.
+    pub(super) fn between(&mut self, [first_ns, last_ns]: [f64; 2]) -> Option<Arc<Between>> {
+        let shortest_ns = FEWEST_FRAMES / 2.0 * 1e3 * self.profile.camera.shortest_period_us();
+        let is_long = |spacing_ns: &u64| *spacing_ns as f64 >= shortest_ns;
+        for spacing_ns in SPACINGS_NS.into_iter().take_while(is_long) {
+            let span = Span::around(first_ns, spacing_ns);
+            // The rows of a rolling shutter may see more than one span.
+            if span != Span::around(last_ns, spacing_ns) {
+                return None;
+            }
             let found = match self.keys.decided(span) {
                 Some(found) => found,
                 None => {
@@ -146,7 +150,7 @@ impl Renderer {
             return None;
         };
         self.prepare();
-        let between = self.between(instant_ns)?;
+        let between = self.between([instant_ns; 2])?;
         let found = self.buffer.clone();
         self.go_to_time(time_ns);
         self.prepare();
@@ -195,13 +199,24 @@ impl Renderer {
     /// Fills the buffer with the geometry at a device time: by interpolation between key instants if
     /// possible, else by tracing.
     pub(super) fn trace_between(&mut self, time_ns: f64, buffer: &mut GeometryBuffer) {
-        let between = self.between(time_ns);
-        if let Some((moment, _)) = &self.moment {
+        let moment = self.moment.as_ref().map(|(moment, _)| moment.clone());
+        let rows = match &moment {
+            Some(Moment::Rows(rows)) => Some(*rows),
+            _ => None,
+        };
+        let row_time_ns = |row: usize| rows.map_or(time_ns, |rows| rows.time_ns(row as u32));
+        let last_row = self.profile.camera.height_px as usize - 1;
+        let between = self.between([row_time_ns(0), row_time_ns(last_row)]);
+        if let Some(moment) = &moment {
             self.worlds.set(moment);
         }
         match between {
             Some(between) => {
-                between.run(time_ns, &self.geometry_input(&self.pixel_rays()), buffer);
+                between.run(
+                    row_time_ns,
+                    &self.geometry_input(&self.pixel_rays()),
+                    buffer,
+                );
             }
             None => self.trace(buffer),
         }
@@ -213,7 +228,7 @@ mod tests {
     use super::*;
     use crate::Options;
     use crate::pattern_image::PatternImage;
-    use crate::shot::Shot;
+    use crate::shot::{Shot, Shutter};
     use phasmid_pattern::Axis;
     use phasmid_profile::{Profile, Scene};
 
@@ -226,7 +241,8 @@ mod tests {
     }
 
     fn renderer(profile: &str, scene: &Scene, motion_tolerance_px: f64) -> Renderer {
-        let profile = Profile::load(profile).unwrap();
+        let mut profile = Profile::load(profile).unwrap();
+        profile.camera.exposure_us = 2_000.0;
         let options = Options {
             motion_tolerance_px,
             ..Options::default()
@@ -322,6 +338,77 @@ mod tests {
                 let within = quantiles.iter().zip(limits).all(|(q, limit)| *q <= limit);
                 assert!(within, "{quantiles:?}");
             }
+        }
+    }
+
+    /// Each row of a rolling shutter is interpolated at its own time.
+    #[test]
+    fn rows_of_a_rolling_shutter_are_interpolated_at_their_own_times() {
+        let cases = [
+            ("webcam-grey", object(TORSO, 10.0, 0.0)),
+            ("sgrt-pod", Scene::load("treatment-room").unwrap()),
+        ];
+        for (profile, scene) in cases {
+            let [mut between, mut traced] = [0.01, 0.0].map(|px| {
+                let mut profile = Profile::load(profile).unwrap();
+                profile.camera.line_time_us = 30.0;
+                profile.camera.exposure_us = 2_000.0;
+                profile.camera.readout_us = None;
+                let options = Options {
+                    motion_tolerance_px: px,
+                    ..Options::default()
+                };
+                Renderer::with_options(&profile, &scene, 1, options).unwrap()
+            });
+            let shutter = Shutter {
+                line_time_ns: 30_000,
+                first_row: 0,
+                rows: 480,
+            };
+            let shot = Shot {
+                shutter,
+                ..shot(0, 421_000_000)
+            };
+            let [mut errors, mut delayed] = [const { Vec::new() }; 2];
+            for renderer in [&mut between, &mut traced] {
+                renderer.make_ready(std::slice::from_ref(&shot));
+                renderer.expose(&shot);
+            }
+            let (found, wanted) = (&between.buffer, &traced.buffer);
+            assert!(
+                found.projected != wanted.projected,
+                "nothing was interpolated"
+            );
+            let lit = |map: &GeometryBuffer, i: usize| map.flags[i] & Truth::LIT != 0;
+            let missed = (0..found.x.len())
+                .filter(|i| lit(found, *i) != lit(wanted, *i))
+                .count();
+            let rolling: Vec<f32> = wanted.x.clone();
+            for i in (0..found.x.len()).filter(|i| lit(found, *i) && lit(wanted, *i)) {
+                errors.push((found.x[i] - wanted.x[i]).abs());
+            }
+            let global = Shot {
+                shutter: Shutter::default(),
+                ..shot.clone()
+            };
+            traced.expose(&global);
+            for (i, x) in rolling.iter().enumerate().filter(|(_, x)| x.is_finite()) {
+                let delay = (x - traced.buffer.x[i]).abs();
+                delayed.push(if delay.is_nan() { 0.0 } else { delay });
+            }
+            for values in [&mut errors, &mut delayed] {
+                values.sort_unstable_by(f32::total_cmp);
+            }
+            let at = |values: &[f32], share: f64| values[(share * values.len() as f64) as usize];
+            println!(
+                "{} {} {} {missed}",
+                at(&errors, 0.999),
+                errors[errors.len() - 1],
+                at(&delayed, 0.9)
+            );
+            assert!(errors.len() > 10_000 && missed < 5, "{missed}");
+            assert!(at(&errors, 0.999) < 0.01);
+            assert!(at(&delayed, 0.9) > 0.01, "rows see the scene at one time");
         }
     }
 

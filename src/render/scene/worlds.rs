@@ -49,7 +49,8 @@ impl Moment {
 }
 
 impl Rows {
-    fn time_ns(&self, row: u32) -> f64 {
+    /// Returns the device time in nanoseconds at which a row sees the scene.
+    pub(crate) fn time_ns(&self, row: u32) -> f64 {
         self.from_ns + self.shutter.delay_ns(row) as f64
     }
 }

@@ -31,7 +31,7 @@ use std::sync::Arc;
 /// Maximum second difference of a pixel's light, as a fraction of the light.
 const LIGHT: f32 = 0.02;
 /// Maximum second difference of a pixel's projector coordinate, as a multiple of the tolerance.
-const BEND: f32 = 8.0;
+const BEND: f32 = 4.0;
 
 /// Upper bounds of the motion within a span, in camera pixels.
 #[derive(Clone, Copy)]
@@ -130,18 +130,26 @@ impl Between {
         self.traced.len() as f64 / self.keys[0].x.len().max(1) as f64
     }
 
-    /// Fills the buffer with the geometry at a device time in nanoseconds, to which the scene must
-    /// already have been moved.
-    pub(crate) fn run(&self, time_ns: f64, input: &Input<'_>, buffer: &mut GeometryBuffer) {
-        let parabola = Parabola::new(self.span.place(time_ns).clamp(-1.0, 1.0));
+    /// Fills the buffer with the geometry of rows that are exposed at device times in nanoseconds. The
+    /// scene must already have been moved there.
+    pub(crate) fn run(
+        &self,
+        row_time_ns: impl Fn(usize) -> f64,
+        input: &Input<'_>,
+        buffer: &mut GeometryBuffer,
+    ) {
+        let (width, height) = (self.keys[0].width, self.keys[0].height);
+        let place = |row| self.span.place(row_time_ns(row)).clamp(-1.0, 1.0);
+        let rows: Vec<_> = (0..height).map(|row| Parabola::new(place(row))).collect();
         let occluders = input.find_occluders();
         let input = &input.with(occluders.as_ref());
-        self.blend(&parabola, input.plan, buffer);
+        self.blend(&rows, input.plan, buffer);
         some_centers(input, &self.traced, buffer);
         let keys = self.keys.each_ref().map(|key| &key.mixed);
         let interpolated = self.mixed.par_iter().map(|mixed| {
             let keys = [0, 1, 2].map(|key: usize| &keys[key][mixed.indices[key] as usize]);
-            (parabola.mixed(keys), Some(mixed))
+            let row = keys[0].pixel as usize / width;
+            (rows[row].mixed(keys), Some(mixed))
         });
         let mut mixed: Vec<_> = interpolated.collect();
         let sampled = mixed::some(input, buffer, &self.sampled);
@@ -150,14 +158,14 @@ impl Between {
         let (mixed, key_mixed): (_, Vec<_>) = mixed.into_iter().unzip();
         buffer.mixed = mixed;
         mark_mixed(buffer);
-        if let Some(mut skin) = self.skin(&parabola) {
+        if let Some(mut skin) = self.skin(&rows) {
             let world = input.worlds.any();
             skin.renew(buffer, input.rays, input.optics, world, &self.traced);
             buffer.skin = Some(skin);
         }
         let levels = KeyLevels {
             keys: self.keys.each_ref().map(Arc::as_ref),
-            weights: parabola.weights(),
+            weights: rows.iter().map(Parabola::weights).collect(),
             along: &self.levels,
             mixed: [0, 1].map(|axis| {
                 let indices = |of: &Option<&KeyMixed>| {
@@ -171,30 +179,38 @@ impl Between {
     }
 
     /// Interpolates the skin maps; `None` if there are none.
-    fn skin(&self, parabola: &Parabola) -> Option<SkinMaps> {
+    fn skin(&self, rows: &[Parabola]) -> Option<SkinMaps> {
         let [a, b, c] = self.keys.each_ref().map(|key| key.skin.as_ref());
         let keys = [a?, b?, c?];
-        let nearest = keys[parabola.nearest];
-        Some(SkinMaps {
-            from: [0, 1].map(|axis: usize| {
-                let mut out = vec![0.0; nearest.from[axis].len()];
-                parabola.blend(keys.map(|key| &key.from[axis][..]), &mut out);
-                out
-            }),
-            px_per_mm: nearest.px_per_mm.clone(),
-            tissue: nearest.tissue.clone(),
-            materials: nearest.materials.clone(),
-        })
+        let mut skin = keys[1].clone();
+        let width = self.keys[0].width;
+        let [x, y] = &mut skin.from;
+        (x.par_chunks_mut(width), y.par_chunks_mut(width))
+            .into_par_iter()
+            .zip(skin.px_per_mm.par_chunks_mut(width))
+            .zip(skin.tissue.par_chunks_mut(width))
+            .zip(rows)
+            .enumerate()
+            .for_each(|(row, ((((x, y), px_per_mm), tissue), parabola))| {
+                let nearest = keys[parabola.nearest];
+                let from = row * width;
+                let of = |axis: usize| keys.map(|key| &key.from[axis][from..from + width]);
+                parabola.blend(of(0), x);
+                parabola.blend(of(1), y);
+                copy(px_per_mm, &nearest.px_per_mm, from);
+                copy(tissue, &nearest.tissue, from);
+            });
+        Some(skin)
     }
 
-    fn blend(&self, parabola: &Parabola, plan: &Plan, buffer: &mut GeometryBuffer) {
-        const ROWS: usize = 16;
+    fn blend(&self, rows: &[Parabola], plan: &Plan, buffer: &mut GeometryBuffer) {
         let keys = self.keys.each_ref().map(Arc::as_ref);
-        let nearest = keys[parabola.nearest];
-        let width = nearest.width;
-        buffer.resize(width, nearest.height, plan);
-        buffer.blur_stretch = nearest.blur_stretch;
-        buffer.bands(ROWS).into_par_iter().for_each(|band| {
+        let width = keys[0].width;
+        buffer.resize(width, keys[0].height, plan);
+        buffer.blur_stretch = keys[0].blur_stretch;
+        buffer.bands(1).into_par_iter().for_each(|band| {
+            let parabola = &rows[band.first_row];
+            let nearest = keys[parabola.nearest];
             let from = band.first_row * width;
             let blend = |out: &mut [f32], map: fn(&GeometryBuffer) -> &[f32]| {
                 if !out.is_empty() {

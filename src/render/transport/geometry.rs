@@ -73,13 +73,21 @@ fn centers(input: &Input<'_>, buffer: &mut GeometryBuffer) {
         });
 }
 
-/// Fills the maps with the surface and light that the centres of some pixels see, in a scene at one
-/// instant.
+/// Fills the maps with the surface and light that the centres of some pixels see. The pixels must be in
+/// order.
 pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut GeometryBuffer) {
-    let (width, height, world) = (buffer.width, buffer.height, input.worlds.any());
-    let casts: Vec<_> = pixels
-        .par_chunks(LANES)
+    let (width, height) = (buffer.width, buffer.height);
+    // Only pixels that see the scene at one instant share a packet.
+    let together = input.worlds.rows_together() > 1;
+    let row = |pixel: u32| pixel as usize / width;
+    let packets: Vec<_> = pixels
+        .chunk_by(|a, b| together || row(*a) == row(*b))
+        .flat_map(|pixels| pixels.chunks(LANES))
+        .collect();
+    let casts: Vec<_> = packets
+        .par_iter()
         .map_init(Scratch::default, |scratch, pixels| {
+            let world = &input.worlds.at(row(pixels[0]));
             // Lanes without a pixel repeat the last one.
             let pixel = |lane: usize| pixels[lane.min(pixels.len() - 1)] as usize;
             let direction = |lane| {
@@ -102,7 +110,7 @@ pub(super) fn some_centers(input: &Input<'_>, pixels: &[u32], buffer: &mut Geome
         })
         .collect();
     for band in &mut buffer.bands(height) {
-        for (pixels, cast) in pixels.chunks(LANES).zip(&casts) {
+        for (pixels, cast) in packets.iter().zip(&casts) {
             for (lane, &pixel) in pixels.iter().enumerate() {
                 write(band, pixel as usize, input.optics, cast, lane);
             }
