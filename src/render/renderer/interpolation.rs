@@ -16,6 +16,9 @@ use std::sync::Arc;
 const MOST_TRACED: f64 = 0.06;
 /// The same maximum for the shortest distance between key instants.
 const MOST_TRACED_LAST: f64 = 0.3;
+/// Maximum number of pixels of a camera whose geometry is interpolated: key instants take about 1 kB per
+/// pixel on skin.
+const MOST_PIXELS: usize = 2_500_000;
 /// Minimum number of exposures for which there must be time between the first and the last key instant
 /// of a span. Two key instants per span cost as much as four interpolated frames.
 const FEWEST_FRAMES: f64 = 6.0;
@@ -53,6 +56,7 @@ impl Renderer {
         let exact = [Term::DepthOfField, Term::AlbedoMaps, Term::Interreflection];
         self.options.motion_tolerance_px > 0.0
             && self.options.samples == 1
+            && self.pixel_count() <= MOST_PIXELS
             && self.gpu.is_none()
             && !exact.into_iter().any(|term| self.plan.has(term))
     }

@@ -6,26 +6,32 @@ use crate::transport::Between;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Maximum number of key instants kept. If a span is rejected, the shorter spans within it use its
-/// key instants again.
-const MOST_KEYS: usize = 8;
-/// Maximum number of spans for which the decision to interpolate is kept.
-const MOST_SPANS: usize = 16;
+/// Maximum number of key instants kept; each takes some 140 bytes per pixel. If a span is rejected, the
+/// shorter spans within it use its key instants again.
+const MOST_KEYS: usize = 4;
+/// Maximum number of spans kept that are interpolated; each holds its key instants.
+const MOST_SPANS: usize = 2;
+/// Maximum number of spans of which it is known that they are not interpolated.
+const MOST_REJECTED: usize = 16;
 
 /// Geometry at key instants, and the spans that are interpolated. Both depend only on the scene, the
 /// plan and device time, so no frame depends on what the cache holds.
 #[derive(Default)]
 pub(super) struct Keys {
     traced: VecDeque<(u64, Arc<GeometryBuffer>)>,
-    spans: VecDeque<(Span, Option<Arc<Between>>)>,
+    spans: VecDeque<(Span, Arc<Between>)>,
+    rejected: VecDeque<Span>,
 }
 
 impl Keys {
     /// Returns the geometry at a key instant in nanoseconds of device time, if it is kept.
-    pub(super) fn traced(&self, time_ns: u64) -> Option<Arc<GeometryBuffer>> {
-        let mut all = self.traced.iter();
-        let (_, buffer) = all.find(|(at, _)| *at == time_ns)?;
-        Some(buffer.clone())
+    pub(super) fn traced(&mut self, time_ns: u64) -> Option<Arc<GeometryBuffer>> {
+        let index = self.traced.iter().position(|(at, _)| *at == time_ns)?;
+        // The key instants used last are kept longest.
+        let key = self.traced.remove(index)?;
+        let buffer = key.1.clone();
+        self.traced.push_front(key);
+        Some(buffer)
     }
 
     pub(super) fn keep(&mut self, time_ns: u64, buffer: Arc<GeometryBuffer>) {
@@ -36,13 +42,23 @@ impl Keys {
     /// Returns the cached decision on a span, if there is one. The decision is the span's
     /// interpolation, or `None` if the span is not interpolated.
     pub(super) fn decided(&self, span: Span) -> Option<Option<Arc<Between>>> {
-        let mut all = self.spans.iter();
-        let (_, found) = all.find(|(of, _)| *of == span)?;
-        Some(found.clone())
+        if self.rejected.contains(&span) {
+            return Some(None);
+        }
+        let (_, found) = self.spans.iter().find(|(of, _)| *of == span)?;
+        Some(Some(found.clone()))
     }
 
     pub(super) fn decide(&mut self, span: Span, found: Option<Arc<Between>>) {
-        self.spans.truncate(MOST_SPANS - 1);
-        self.spans.push_front((span, found));
+        match found {
+            Some(found) => {
+                self.spans.truncate(MOST_SPANS - 1);
+                self.spans.push_front((span, found));
+            }
+            None => {
+                self.rejected.truncate(MOST_REJECTED - 1);
+                self.rejected.push_front(span);
+            }
+        }
     }
 }
