@@ -184,7 +184,8 @@ impl Renderer {
     }
 
     /// Includes or excludes a term from now on, regardless of whether the scene needs it. Including
-    /// a term that the scene does not need changes no byte of a frame.
+    /// a term that the scene does not need changes no byte of a frame, except that the geometry of a
+    /// moving scene is not interpolated with depth of field, albedo maps or interreflection.
     pub fn force(&mut self, term: Term, included: bool) {
         self.forced.retain(|(forced, _)| *forced != term);
         self.forced.push((term, included));
@@ -253,7 +254,9 @@ impl Renderer {
         let asked = self.worlds.stop.times();
         let mut buffer = std::mem::take(&mut self.buffer);
         match self.moment {
-            Some((_, Some(time_ns))) => self.trace_between(time_ns, &mut buffer),
+            Some((_, Some(time_ns))) if self.interpolates() => {
+                self.trace_between(time_ns, &mut buffer);
+            }
             _ => self.trace(&mut buffer),
         }
         self.buffer = buffer;

@@ -146,9 +146,11 @@ impl Study for LeftOut {
 fn run(context: &Context<'_>, profile: &str, scene: &str) -> Result<Vec<Row>> {
     let (device, setting) = (Profile::load(profile)?, Scene::load(scene)?);
     let build = || -> Result<(Renderer, Vec<Shot>)> {
-        let device = Device::builder(&device, &setting)
+        let mut device = Device::builder(&device, &setting)
             .seed(context.seed)
             .build()?;
+        // Some terms, where they are forced in, end the interpolation of a moving scene.
+        device.renderer.set_motion_tolerance(0.0);
         let shots = device.shots().into_iter().map(|(_, shot)| shot).collect();
         Ok((device.renderer, shots))
     };

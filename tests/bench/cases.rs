@@ -228,7 +228,11 @@ fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
             keyframes,
         });
     }
-    let mut setup = Setup::of(profile, &scene, Options::default())?;
+    let options = Options {
+        motion_tolerance_px: 0.0,
+        ..Options::default()
+    };
+    let mut setup = Setup::of(profile, &scene, options)?;
     let mut shot = setup.shots[0].clone();
     Ok(Case {
         count: 1,

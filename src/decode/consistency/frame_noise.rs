@@ -18,6 +18,8 @@ const THIN: usize = 3;
 const ROWS: usize = 16;
 /// Approximate number of pixels used for the estimate of the noise between neighbouring pixels.
 const SMOOTH: usize = 3_000;
+/// One of this many lit pixels is used for the light of a frame.
+const FEW: usize = 4;
 /// Minimum light of a lit pixel in its brightest frame, relative to the 99th percentile of all pixels.
 const LIT: f32 = 0.25;
 /// Minimum light of a bright pixel of a frame, relative to the 90th percentile of the frame's lit
@@ -64,7 +66,7 @@ fn smoothness(rows: &Pixels, full: f64) -> (f64, NoiseModel) {
     let lit = lit(rows);
     // Use only the frame's bright pixels: parts of each code and fringe frame are dark.
     let of_frame = |frame: &Vec<f32>| {
-        let mut lights: Vec<f32> = lit.iter().map(|i| frame[*i]).collect();
+        let mut lights: Vec<f32> = lit.iter().step_by(FEW).map(|i| frame[*i]).collect();
         let tenth = lights.len() * 9 / 10;
         if lights.is_empty() {
             return None;
@@ -72,9 +74,10 @@ fn smoothness(rows: &Pixels, full: f64) -> (f64, NoiseModel) {
         let high = *lights.select_nth_unstable_by(tenth, f32::total_cmp).1;
         let is_bright = |i: &&usize| frame[**i] >= BRIGHT_PART * high;
         let bright: Vec<usize> = lit.iter().filter(is_bright).copied().collect();
-        let light = median(&mut bright.iter().map(|i| frame[*i]).collect::<Vec<_>>())?;
+        lights.retain(|light| *light >= BRIGHT_PART * high);
+        let light = median(&mut lights)?;
         let step = |i: &usize| {
-            let [a, b, c, d, e] = [i - 2, i - 1, *i, i + 1, i + 2].map(|i| frame[i]);
+            let [a, b, c, d, e]: [f32; 5] = std::array::from_fn(|k| frame[i + k - 2]);
             f64::from((a + e - 4.0 * (b + d) + 6.0 * c).abs())
         };
         let mut steps: Vec<f64> = bright.iter().map(step).collect();
@@ -116,9 +119,11 @@ fn lit(rows: &Pixels) -> Vec<usize> {
             *most = most.max(frame[*pixel]);
         }
     }
-    let mut sorted = most.clone();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let bright = sorted.get(sorted.len() * 99 / 100).copied().unwrap_or(0.0);
+    let (mut sorted, place) = (most.clone(), most.len() * 99 / 100);
+    let bright = match sorted.is_empty() {
+        true => 0.0,
+        false => *sorted.select_nth_unstable_by(place, f32::total_cmp).1,
+    };
     let pixels = pixels.into_iter().zip(most);
     let lit = pixels.filter(|(_, most)| LIT * bright <= *most);
     lit.map(|(pixel, _)| pixel).collect()

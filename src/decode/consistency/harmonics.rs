@@ -22,7 +22,7 @@ use super::sample::Sample;
 use crate::FringeSet;
 use nalgebra::{Complex, Matrix2, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
+use std::f32::consts::{PI, TAU};
 
 /// Maximum phase error in radians that a response curve explains with four or more steps: with four
 /// steps, a projector of gamma 0.6 causes 0.06, and a projector of gamma 2.2 causes 0.01.
@@ -42,6 +42,8 @@ const LINES: usize = 16;
 const FEWEST: usize = 500;
 /// Minimum number of pixels for an estimate from the modulation.
 const FEWEST_MODULATED: usize = 1000;
+/// Maximum number of pixels that are used for the estimate from the modulation.
+const MODULATED: usize = 5000;
 /// Minimum modulation in DN.
 const LEAST_DN: f64 = 3.0;
 /// Minimum modulation in standard deviations of the noise.
@@ -55,7 +57,7 @@ const CONTRAST_DN: f32 = 12.0;
 const USUAL: std::ops::Range<f64> = 0.5..2.0;
 /// Maximum phase change between neighbouring pixels, and maximum difference of two successive changes,
 /// in radians: larger ones are edges.
-const MOST_RAD: (f64, f64) = (1.5, 1.0);
+const MOST_RAD: (f32, f32) = (1.5, 1.0);
 /// Minimum mean square, over all pixels, of the factor by which second differences show the error.
 const LEAST_SHOWN: f64 = 0.1;
 
@@ -139,15 +141,15 @@ fn along_lines(set: &FringeSet, sample: &Sample, rows: bool) -> Sums {
         return Sums::default();
     };
     let saturated = pixels.saturated_in(set.frames.iter().copied());
-    let least = LEAST_DN.max(LEAST_SIGMAS * sample.usual_noise_dn());
-    let n = set.phases.len() as f64;
+    let least = LEAST_DN.max(LEAST_SIGMAS * sample.usual_noise_dn()) as f32;
+    let n = set.phases.len() as f32;
     let phase = |pixel: usize| {
         let [c, s] = fringes.at(pixel);
         let is_lit = c * c + s * s >= least * least && !saturated[pixel];
         is_lit.then(|| s.atan2(c))
     };
     let of_line = |line: &Line| {
-        let phases: Vec<Option<f64>> = line.pixels().map(phase).collect();
+        let phases: Vec<Option<f32>> = line.pixels().map(phase).collect();
         let mut sums = Sums::default();
         for three in phases.windows(3) {
             if let &[Some(before), Some(here), Some(after)] = three {
@@ -175,19 +177,20 @@ struct Sums {
 
 impl Sums {
     /// Adds the phases of three neighbouring pixels on a surface, measured with `n` steps.
-    fn add(&mut self, [before, here, after]: [f64; 3], n: f64) {
+    fn add(&mut self, [before, here, after]: [f32; 3], n: f32) {
         let (rise, next) = (wrapped(here - before), wrapped(after - here));
         let grows = 0.5 * (rise + next);
         if grows.abs() > MOST_RAD.0 || (next - rise).abs() > MOST_RAD.1 {
             return;
         }
-        let left = -2.0 * (1.0 - (n * grows).cos());
+        let left = f64::from(-2.0 * (1.0 - (n * grows).cos()));
         let (sin, cos) = (n * here).sin_cos();
-        let row = left * Vector2::new(cos, sin);
+        let row = left * Vector2::new(cos, sin).cast::<f64>();
+        let difference = f64::from(next - rise);
         self.normal += row * row.transpose();
-        self.right += row * (next - rise);
+        self.right += row * difference;
         self.shown += left * left;
-        self.square += (next - rise).powi(2);
+        self.square += difference * difference;
         self.pixels += 1;
     }
 
@@ -214,22 +217,23 @@ fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
     let pixels = &sample.columns;
     let [white, black] = [white, black].map(|frame| pixels.frame(frame));
     let fringes = pixels.fringes(set)?;
-    // Returns the modulation relative to half the contrast, and the unit phasor of the fringe.
-    let told = |i: usize| {
-        let contrast = white[i] - black[i];
-        let is_bright =
-            !pixels.is_saturated(i) && contrast >= CONTRAST_DN.max(CONTRAST * sample.noise_dn[i]);
-        is_bright.then(|| {
-            let [c, s] = fringes.at(i);
-            let modulation = (c * c + s * s).sqrt();
-            let fringe = Complex::new(c, s) / modulation.max(f64::MIN_POSITIVE);
-            (2.0 * modulation / f64::from(contrast), fringe)
-        })
+    let is_bright = |i: &usize| {
+        let least = CONTRAST_DN.max(CONTRAST * sample.noise_dn[*i]);
+        !pixels.is_saturated(*i) && white[*i] - black[*i] >= least
     };
-    let mut told: Vec<(f64, Complex<f64>)> = (0..pixels.len()).filter_map(told).collect();
-    if told.len() < FEWEST_MODULATED {
+    let bright: Vec<usize> = (0..pixels.len()).filter(is_bright).collect();
+    if bright.len() < FEWEST_MODULATED {
         return None;
     }
+    // Returns the modulation relative to half the contrast, and the unit phasor of the fringe.
+    let told = |i: &usize| {
+        let [c, s] = fringes.at(*i).map(f64::from);
+        let modulation = (c * c + s * s).sqrt();
+        let fringe = Complex::new(c, s) / modulation.max(f64::MIN_POSITIVE);
+        (2.0 * modulation / f64::from(white[*i] - black[*i]), fringe)
+    };
+    let some = bright.iter().step_by(bright.len().div_ceil(MODULATED));
+    let mut told: Vec<(f64, Complex<f64>)> = some.map(told).collect();
     let middle = told.len() / 2;
     let by_modulation = |a: &(f64, _), b: &(f64, _)| a.0.total_cmp(&b.0);
     let usual = told.select_nth_unstable_by(middle, by_modulation).1.0;
@@ -247,7 +251,7 @@ fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
 }
 
 /// Reduces a difference of two angles, each between -pi and pi, to that range.
-fn wrapped(difference: f64) -> f64 {
+fn wrapped(difference: f32) -> f32 {
     if difference < -PI {
         difference + TAU
     } else if difference > PI {

@@ -3,6 +3,7 @@
 use crate::{FringeSet, Plan};
 use phasmid_pattern::{Image, Samples};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Relative change of the light between neighbouring pixels above which an edge of a surface or colour
 /// lies between them.
@@ -14,8 +15,8 @@ pub(super) struct Pixels {
     pub(super) height: usize,
     /// Samples in DN, by frame.
     levels: Vec<Vec<f32>>,
-    /// The greatest sample of all frames.
-    pub(super) greatest: u16,
+    /// The greatest sample of each frame.
+    greatest: Vec<u16>,
     fringes: Vec<Fringes>,
     full: f32,
     /// Pixels at the camera's full scale in some frame.
@@ -44,17 +45,18 @@ impl Line {
 }
 
 impl Pixels {
-    /// Reads rows of frames of one size.
-    pub(super) fn new(plan: &Plan, frames: &[Image], rows: &[usize]) -> Self {
+    /// Reads some rows of frames of one size.
+    pub(super) fn new(plan: &Plan, frames: &[Image], rows: &[Range<usize>]) -> Self {
         let width = frames.first().map_or(0, Image::width);
+        let height = rows.iter().map(Range::len).sum();
         let of_frame = |frame: &Image| {
-            let mut levels = Vec::with_capacity(width * rows.len());
+            let mut levels = Vec::with_capacity(width * height);
             let mut greatest = 0;
             for row in rows {
-                let row = row * width..(row + 1) * width;
+                let samples = row.start * width..row.end * width;
                 let most = match frame.samples() {
-                    Samples::U8(s) => taken(&s[row], &mut levels),
-                    Samples::U16(s) => taken(&s[row], &mut levels),
+                    Samples::U8(s) => taken(&s[samples], &mut levels),
+                    Samples::U16(s) => taken(&s[samples], &mut levels),
                 };
                 greatest = greatest.max(most);
             }
@@ -66,13 +68,18 @@ impl Pixels {
         let fringes = sets.into_par_iter().map(|set| Fringes::of(set, &levels));
         Self {
             width,
-            height: rows.len(),
+            height,
             fringes: fringes.collect(),
             full: f32::INFINITY,
-            saturated: vec![false; width * rows.len()],
-            greatest: greatest.into_iter().max().unwrap_or(0),
+            saturated: vec![false; width * height],
+            greatest,
             levels,
         }
+    }
+
+    /// The greatest sample of all frames.
+    pub(super) fn greatest(&self) -> u16 {
+        self.greatest.iter().copied().max().unwrap_or(0)
     }
 
     /// Sets the camera's full scale in DN; infinite if it is not known.
@@ -83,13 +90,14 @@ impl Pixels {
 
     /// The pixels at the camera's full scale in one of these frames.
     pub(super) fn saturated_in(&self, frames: impl IntoIterator<Item = usize>) -> Vec<bool> {
-        let mut saturated = vec![false; self.len()];
-        for frame in frames.into_iter().filter(|_| self.full.is_finite()) {
-            for (saturated, level) in saturated.iter_mut().zip(&self.levels[frame]) {
-                *saturated |= *level >= self.full;
+        let mut greatest = vec![0.0f32; self.len()];
+        let reaches = |frame: &usize| f32::from(self.greatest[*frame]) >= self.full;
+        for frame in frames.into_iter().filter(reaches) {
+            for (greatest, level) in greatest.iter_mut().zip(&self.levels[frame]) {
+                *greatest = greatest.max(*level);
             }
         }
-        saturated
+        greatest.iter().map(|level| *level >= self.full).collect()
     }
 
     /// Whether a pixel is at the camera's full scale in some frame.
@@ -193,17 +201,19 @@ impl Pixels {
 impl Fringes {
     fn of(set: &FringeSet, levels: &[Vec<f32>]) -> Self {
         let pixels = set.frames.first().map_or(0, |frame| levels[*frame].len());
-        let sum = |term| {
-            let mut sum = vec![0.0; pixels];
-            for (frame, weights) in set.frames.iter().zip(&set.weights) {
-                let weight = weights[term] as f32;
-                for (sum, level) in sum.iter_mut().zip(&levels[*frame]) {
-                    *sum += weight * level;
-                }
+        let [mut mean, mut cos, mut sin] = [const { Vec::new() }; 3].map(|mut sums: Vec<f32>| {
+            sums.resize(pixels, 0.0);
+            sums
+        });
+        for (frame, weights) in set.frames.iter().zip(&set.weights) {
+            let [a, c, s] = weights.map(|weight| weight as f32);
+            let sums = mean.iter_mut().zip(&mut cos).zip(&mut sin);
+            for (((mean, cos), sin), level) in sums.zip(&levels[*frame]) {
+                *mean += a * level;
+                *cos += c * level;
+                *sin += s * level;
             }
-            sum
-        };
-        let (mean, (cos, sin)) = rayon::join(|| sum(0), || (sum(1), sum(2)));
+        }
         Self {
             mean,
             cos,
@@ -213,8 +223,8 @@ impl Fringes {
     }
 
     /// Both components of a pixel's fringe.
-    pub(super) fn at(&self, pixel: usize) -> [f64; 2] {
-        [self.cos[pixel], self.sin[pixel]].map(f64::from)
+    pub(super) fn at(&self, pixel: usize) -> [f32; 2] {
+        [self.cos[pixel], self.sin[pixel]]
     }
 }
 

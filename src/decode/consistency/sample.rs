@@ -10,7 +10,7 @@ use crate::{Decoder, Held, Options, Plan};
 use phasmid_geometry::NoiseModel;
 use phasmid_pattern::{Axis, Image, Manifest};
 use rayon::prelude::*;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 /// Minimum number of pixels for an estimate of a property of all pixels.
 pub(super) const FEWEST: usize = 400;
@@ -73,20 +73,18 @@ impl Sample {
         let [width, height] = Image::common_size(frames).ok()?;
         let every = (width * height / PIXELS).clamp(1, width.div_ceil(COLUMNS));
         let lines = ROWS.min(height);
-        let some: Vec<usize> = (0..lines)
-            .map(|row| (2 * row + 1) * height / (2 * lines))
-            .collect();
-        let all: Vec<usize> = (0..height).collect();
+        let row = |line: usize| (2 * line + 1) * height / (2 * lines);
+        let some: Vec<Range<usize>> = (0..lines).map(|line| row(line)..row(line) + 1).collect();
         let largest = frames.iter().map(Image::full_scale).max();
         let of_columns = || {
             let columns: Vec<Image> = frames.par_iter().map(|f| f.columns(every)).collect();
-            let pixels = Pixels::new(&plan, &columns, &all);
+            let pixels = Pixels::new(&plan, &columns, std::slice::from_ref(&(0..height)));
             (columns, pixels)
         };
         let of_rows = || Pixels::new(&plan, frames, &some);
         let ((frames, mut columns), mut rows) = rayon::join(of_columns, of_rows);
         let width = columns.width;
-        let full = full_scale(rows.greatest.max(columns.greatest));
+        let full = full_scale(rows.greatest().max(columns.greatest()));
         rows.set_full(full);
         columns.set_full(full);
         let largest = f64::from(largest.unwrap_or(u16::MAX));

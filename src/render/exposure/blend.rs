@@ -18,6 +18,19 @@ pub(crate) struct Spread<'a> {
     pub(crate) px_per_mm: f32,
 }
 
+impl Spread<'_> {
+    /// Returns the weight and the standard deviation in pattern pixels of each Gaussian.
+    pub(super) fn parts(&self) -> impl Iterator<Item = [f32; 2]> {
+        let part = |c: &Component| [c.weight as f32, c.sigma_mm as f32 * self.px_per_mm];
+        self.mixture.components().iter().map(part)
+    }
+
+    /// Returns the standard deviation of the widest Gaussian in pattern pixels.
+    pub(super) fn widest_px(&self) -> f32 {
+        self.parts().map(|[_, sigma]| sigma).fold(0.0, f32::max)
+    }
+}
+
 /// Minimum ratio of a Gaussian's standard deviation to the width of a box at which the convolution
 /// of both is replaced by a Gaussian with the sum of their variances. The resulting error of the
 /// fraction of light to the left of a border is at most 8e-5 (from the fourth cumulant of the

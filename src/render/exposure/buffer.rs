@@ -6,6 +6,7 @@ use super::skin_maps::{Samples, SkinMaps};
 use crate::scene::Surface;
 use crate::{Plan, Term};
 use phasmid_pattern::Axis;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Maps over the camera's pixels in row-major order, and the samples of mixed pixels.
@@ -248,6 +249,29 @@ impl GeometryBuffer {
         }
     }
 
+    /// Returns an upper bound of the size of maps and kernels in bytes. It does not depend on the axes
+    /// along which patterns vary.
+    pub(crate) fn most_bytes(&self) -> usize {
+        /// Size of the maps per pixel.
+        const MAPS: usize = 100;
+        // Weights reach eight standard deviations to either side.
+        let weights = |sigma_px: f32| 16.0 * sigma_px.clamp(0.0, 64.0);
+        let of_skin = |skin: &SkinMaps| -> f32 {
+            let sigma = |i: usize, axis: usize| {
+                let spread = skin.spread(i, axis);
+                spread.map_or(0.0, |spread| spread.widest_px())
+            };
+            let pixels = (0..self.x.len()).into_par_iter();
+            pixels
+                .map(|i| weights(sigma(i, 0)) + weights(sigma(i, 1)))
+                .sum()
+        };
+        let skin = self.skin.as_ref().map_or(0.0, of_skin);
+        let blur: f32 = self.blur.par_iter().map(|blur| 2.0 * weights(*blur)).sum();
+        let mixed = self.mixed.len() * (size_of::<Mixed>() + size_of::<Samples>());
+        MAPS * self.x.len() + mixed + size_of::<f32>() * (skin + blur) as usize
+    }
+
     /// Computes the blur kernels that the plan needs, for a pattern with `size` columns and rows.
     /// Footprints whose levels are interpolated get none.
     pub(crate) fn blur_footprints(
@@ -260,61 +284,63 @@ impl GeometryBuffer {
             return;
         }
         let n = self.x.len();
-        let axes = [
-            (Term::FootprintX, self.lit_from(Axis::X), &self.x_slope),
-            (Term::FootprintY, self.lit_from(Axis::Y), &self.y_slope),
-        ];
-        let of_mixed = |axis: usize, i: usize| {
-            let (mixed, k) = (&self.mixed[i / 16], i % 16);
-            let (x, slope) = match axis {
-                0 => (mixed.x[k], mixed.x_slope[k]),
-                _ => (mixed.y[k], mixed.y_slope[k]),
-            };
-            let lit = mixed.projected[k] > 0.0;
-            let sigma = if lit {
-                self.blur_along(mixed.blur[k])[axis]
-            } else {
-                0.0
-            };
-            let samples = mixed.skin.as_ref().filter(|_| lit);
-            let skin = self.skin.as_ref().zip(samples);
-            Blurred {
-                x,
-                slope,
-                sigma,
-                spread: skin.and_then(|(skin, samples)| skin.sample(samples, k, axis)),
-            }
-        };
         let kernels = std::array::from_fn(|axis| {
-            let (term, x, slope) = axes[axis];
-            plan.has(term).then(|| {
-                let keys = levels.and_then(|levels| levels.kernels(axis));
-                let between = |i: usize| {
-                    let indices = levels?.indices(axis, i)?;
-                    let pixel = i
-                        .checked_sub(n)
-                        .map_or(i, |sample| self.mixed[sample / 16].pixel as usize);
-                    let row = (pixel / self.width) as u32;
-                    Some(KeyFootprint { indices, row })
-                };
-                let count = n + 16 * self.mixed.len();
-                let kernels = Kernels::new(count, size[axis], keys, between, |i| {
-                    if i >= n {
-                        return of_mixed(axis, i - n);
-                    }
-                    let lit = self.projected[i] > 0.0;
-                    let blur = self.blur.get(i).filter(|_| lit).copied().unwrap_or(0.0);
-                    let skin = self.skin.as_ref();
-                    Blurred {
-                        x: x[i],
-                        slope: slope[i],
-                        sigma: self.blur_along(blur)[axis],
-                        spread: skin.and_then(|skin| skin.spread(i, axis)),
-                    }
-                });
-                Arc::new(kernels)
-            })
+            plan.has([Term::FootprintX, Term::FootprintY][axis])
+                .then(|| {
+                    let keys = levels.and_then(|levels| levels.kernels(axis));
+                    let between = |i: usize| {
+                        let indices = levels?.indices(axis, i)?;
+                        let pixel = i
+                            .checked_sub(n)
+                            .map_or(i, |sample| self.mixed[sample / 16].pixel as usize);
+                        let row = (pixel / self.width) as u32;
+                        Some(KeyFootprint { indices, row })
+                    };
+                    let count = n + 16 * self.mixed.len();
+                    let footprint = |i| self.footprint(axis, i);
+                    let kernels = Kernels::new(count, size[axis], keys, between, footprint);
+                    Arc::new(kernels)
+                })
         });
         self.kernels = kernels;
+    }
+
+    /// Returns the footprint with index `i` along an axis; numbered as in [`GeometryBuffer::kernels`].
+    #[inline(always)]
+    pub(crate) fn footprint(&self, axis: usize, i: usize) -> Blurred<'_> {
+        if let Some(sample) = i.checked_sub(self.x.len()) {
+            return self.footprint_of_sample(axis, &self.mixed[sample / 16], sample % 16);
+        }
+        let (x, slope) = match axis {
+            0 => (self.lit_from(Axis::X)[i], self.x_slope[i]),
+            _ => (self.lit_from(Axis::Y)[i], self.y_slope[i]),
+        };
+        let lit = self.projected[i] > 0.0;
+        let blur = self.blur.get(i).filter(|_| lit).copied().unwrap_or(0.0);
+        let skin = self.skin.as_ref();
+        Blurred {
+            x,
+            slope,
+            sigma: self.blur_along(blur)[axis],
+            spread: skin.and_then(|skin| skin.spread(i, axis)),
+        }
+    }
+
+    /// Returns the footprint of a sample of a mixed pixel along an axis.
+    pub(crate) fn footprint_of_sample(&self, axis: usize, mixed: &Mixed, k: usize) -> Blurred<'_> {
+        let (x, slope) = match axis {
+            0 => (mixed.x[k], mixed.x_slope[k]),
+            _ => (mixed.y[k], mixed.y_slope[k]),
+        };
+        let lit = mixed.projected[k] > 0.0;
+        let blur = if lit { mixed.blur[k] } else { 0.0 };
+        let samples = mixed.skin.as_ref().filter(|_| lit);
+        let skin = self.skin.as_ref().zip(samples);
+        Blurred {
+            x,
+            slope,
+            sigma: self.blur_along(blur)[axis],
+            spread: skin.and_then(|(skin, samples)| skin.sample(samples, k, axis)),
+        }
     }
 }

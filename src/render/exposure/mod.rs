@@ -50,7 +50,7 @@ pub(super) use flicker::{Flicker, add as add_flicker, with as with_flicker};
 pub(super) use image_table::ImageTable;
 pub(super) use indirect::Indirect;
 pub(super) use indirect_map::{BLOCK, Gathering, InterreflectionMap};
-pub(super) use kernel::HeldRow;
+pub(super) use kernel::{Blurred, HeldRow};
 pub(super) use lamps::{Lamp, LampShape};
 pub(super) use pass::{Table, mixed, run};
 pub(super) use row_table::RowTable;

@@ -19,6 +19,8 @@ const MOST_TRACED_LAST: f64 = 0.3;
 /// Maximum number of pixels of a camera whose geometry is interpolated: key instants take about 1 kB per
 /// pixel on skin.
 const MOST_PIXELS: usize = 2_500_000;
+/// Maximum size of a key instant; up to seven are kept. Kernels of many projector pixels need more.
+const MOST_BYTES: usize = 400_000_000;
 /// Minimum number of exposures for which there must be time between the first and the last key instant
 /// of a span. Two key instants per span cost as much as four interpolated frames.
 const FEWEST_FRAMES: f64 = 6.0;
@@ -54,7 +56,8 @@ impl Renderer {
     /// Returns whether the options and the plan permit interpolated geometry.
     pub(super) fn interpolates(&self) -> bool {
         let exact = [Term::DepthOfField, Term::AlbedoMaps, Term::Interreflection];
-        self.options.motion_tolerance_px > 0.0
+        self.plan.has(Term::Motion)
+            && self.options.motion_tolerance_px > 0.0
             && self.options.samples == 1
             && self.pixel_count() <= MOST_PIXELS
             && self.gpu.is_none()
@@ -63,9 +66,10 @@ impl Renderer {
 
     /// Returns the interpolation from a first to a last device time in nanoseconds, over the longest span
     /// in which the motion is smooth enough. Returns `None` if there is no such span, so that the frame
-    /// must be traced. Moves the scene to other instants.
+    /// must be traced.
     pub(super) fn between(&mut self, [first_ns, last_ns]: [f64; 2]) -> Option<Arc<Between>> {
         let shortest_ns = FEWEST_FRAMES / 2.0 * 1e3 * self.profile.camera.shortest_period_us();
+        let asked = self.worlds.stop.times();
         let is_long = |spacing_ns: &u64| *spacing_ns as f64 >= shortest_ns;
         for spacing_ns in SPACINGS_NS.into_iter().take_while(is_long) {
             let span = Span::around(first_ns, spacing_ns);
@@ -77,7 +81,9 @@ impl Renderer {
                 Some(found) => found,
                 None => {
                     let found = self.interpolate(span);
-                    if self.worlds.stop.is_asked() {
+                    let stop = &self.worlds.stop;
+                    if stop.is_asked() || stop.times() != asked {
+                        // Key instants may be incomplete.
                         self.keys = Keys::default();
                         return None;
                     }
@@ -107,13 +113,22 @@ impl Renderer {
         if !(off_px <= tolerance_px && motion.reach_px <= MOST_REACH_PX) {
             return None;
         }
-        let keys = span.times_ns().map(|time_ns| self.key(time_ns));
-        if self.worlds.stop.is_asked() {
+        let times_ns = span.times_ns();
+        let kept = times_ns.map(|time_ns| self.keys.traced(time_ns));
+        let keys: [_; 3] = std::array::from_fn(|k| match &kept[k] {
+            Some(key) => key.clone(),
+            None => self.key(times_ns[k]),
+        });
+        if let (false, Some((moment, _))) = (kept.iter().all(Option::is_some), &self.moment) {
+            self.worlds.set(moment);
+        }
+        let bytes = keys.iter().map(|key| key.most_bytes()).max();
+        if self.worlds.stop.is_asked() || bytes > Some(MOST_BYTES) {
             return None;
         }
         let world = self.worlds.any();
         let limit_px = tolerance_px as f32;
-        let between = Between::new(span, keys, world, &self.plan, motion, limit_px);
+        let between = Between::new(span, keys, world, motion, limit_px);
         let most = match span.spacing_ns() == SPACINGS_NS[SPACINGS_NS.len() - 1] {
             true => MOST_TRACED_LAST,
             false => MOST_TRACED,
@@ -121,11 +136,8 @@ impl Renderer {
         (between.traced() <= most).then(|| Arc::new(between))
     }
 
-    /// Returns the geometry at a key instant.
+    /// Traces the geometry at a key instant. Moves the scene there.
     fn key(&mut self, time_ns: u64) -> Arc<GeometryBuffer> {
-        if let Some(buffer) = self.keys.traced(time_ns) {
-            return buffer;
-        }
         let state = self.worlds.any().state(time_ns as f64);
         self.worlds.set(&Moment::Instant(state));
         let mut buffer = GeometryBuffer::default();
@@ -145,7 +157,7 @@ impl Renderer {
     /// Returns how geometry is interpolated at a device time in nanoseconds, and its differences
     /// from the traced geometry; `None` if the instant is traced.
     pub fn interpolation(&mut self, time_ns: u64) -> Option<Interpolation> {
-        if !self.plan.has(Term::Motion) || !self.interpolates() {
+        if !self.interpolates() {
             return None;
         }
         let state = self.worlds.any().state(time_ns as f64);
@@ -211,9 +223,6 @@ impl Renderer {
         let row_time_ns = |row: usize| rows.map_or(time_ns, |rows| rows.time_ns(row as u32));
         let last_row = self.profile.camera.height_px as usize - 1;
         let between = self.between([row_time_ns(0), row_time_ns(last_row)]);
-        if let Some(moment) = &moment {
-            self.worlds.set(moment);
-        }
         match between {
             Some(between) => {
                 between.run(
@@ -433,6 +442,41 @@ mod tests {
         let mut traced = renderer("webcam-grey", &scene, 0.0);
         let differing = (0..8).filter(|k| traced.expose(&shot(*k)).data != forth[*k as usize]);
         assert!(differing.count() > 4, "nothing was interpolated");
+    }
+
+    /// Patterns along y, shown before, change no frame of patterns along x.
+    #[test]
+    fn bytes_do_not_depend_on_earlier_patterns() {
+        let mut profile = Profile::load("webcam-grey").unwrap();
+        profile.projector.position_mm = [20.0, 210.0, 0.0];
+        profile.camera.exposure_us = 2_000.0;
+        let scene = object("{ kind = \"torso\", triangles = 1000 }", 10.0, 1.0);
+        let frames = |earlier: bool| {
+            let mut renderer = Renderer::new(&profile, &scene, 1).unwrap();
+            if earlier {
+                let pattern_image = PatternImage::Row(Axis::Y, (0..480).collect());
+                renderer.expose(&Shot {
+                    pattern_image: Some(Arc::new(pattern_image)),
+                    ..shot(0, 200_000_000)
+                });
+            }
+            let frame = |k: u64| renderer.expose(&shot(k, 300_000_000 + k * 61_000_000));
+            (0..8).map(frame).collect::<Vec<_>>()
+        };
+        assert!(frames(false) == frames(true));
+    }
+
+    /// Without motion, the scene stays at its last instant and is traced.
+    #[test]
+    fn frames_without_motion_are_traced() {
+        let scene = object(TORSO, 10.0, 1.0);
+        let shot = shot(0, 300_000_000);
+        let [mut between, mut traced] = [0.01, 0.0].map(|px| renderer("webcam-grey", &scene, px));
+        assert!(between.expose(&shot) != traced.expose(&shot));
+        for renderer in [&mut between, &mut traced] {
+            renderer.force(Term::Motion, false);
+        }
+        assert!(between.expose(&shot) == traced.expose(&shot));
     }
 
     /// Frames equal traced frames for a scene at rest, for a scene that moves between two rests

@@ -6,7 +6,7 @@ use crate::transport::Between;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Maximum number of key instants kept; each takes some 140 bytes per pixel. If a span is rejected, the
+/// Maximum number of key instants kept; each takes some 100 to 250 bytes per pixel. If a span is rejected, the
 /// shorter spans within it use its key instants again.
 const MOST_KEYS: usize = 4;
 /// Maximum number of spans kept that are interpolated; each holds its key instants.

@@ -18,11 +18,11 @@
 use super::geometry::{blur, mark_mixed, some_centers};
 use super::input::Input;
 use super::mixed;
-use crate::exposure::{GeometryBuffer, KeyLevels, Mixed, SkinMaps};
+use crate::Plan;
+use crate::exposure::{Blurred, GeometryBuffer, KeyLevels, Mixed, SkinMaps};
 use crate::material::COS_CREASE;
 use crate::scene::{Span, Surface, World};
 use crate::truth::Truth;
-use crate::{Plan, Term};
 use glam::Vec3;
 use phasmid_pattern::Axis;
 use rayon::prelude::*;
@@ -80,7 +80,6 @@ impl Between {
         span: Span,
         keys: [Arc<GeometryBuffer>; 3],
         world: &World,
-        plan: &Plan,
         motion: ImageMotion,
         tolerance_px: f32,
     ) -> Self {
@@ -88,7 +87,6 @@ impl Between {
         let view = Comparison {
             keys: keys.each_ref().map(Arc::as_ref),
             world,
-            axes: [Term::FootprintX, Term::FootprintY].map(|term| plan.has(term)),
             tolerance_px,
         };
         let pixels = || (0..width * height).into_par_iter();
@@ -304,8 +302,6 @@ impl Parabola {
 struct Comparison<'a> {
     keys: [&'a GeometryBuffer; 3],
     world: &'a World,
-    /// Whether patterns vary along x and y.
-    axes: [bool; 2],
     tolerance_px: f32,
 }
 
@@ -338,52 +334,52 @@ impl Comparison<'_> {
         seen && (bent_light(of(|key| &key.ambient))
             || lit
                 && (bent_light(of(|key| &key.projected))
-                    || self.axes[0] && self.bent(of(|key| &key.x))
-                    || self.axes[1] && self.bent(of(|key| &key.y))))
+                    || self.bent(of(|key| &key.x))
+                    || self.bent(of(|key| &key.y))))
     }
 
     /// Returns the axes along which the parabola of a pixel's level under blur is accurate; see
     /// [`KeyLevels::along`].
-    ///
-    /// The level L at an edge of the pattern is the integral of the kernel. If the kernel is a Gaussian of
-    /// standard deviation s, the parabola through levels at distances d is off by at most
-    /// 0.026 (d/s)^3: the remainder is d^3/(9 sqrt 3) times the third derivative, at most 0.4/s^3. A
-    /// displacement by t changes the level by up to 0.4 t/s. The limit of d makes the error at most half
-    /// the effect of a displacement by the tolerance.
     fn smooth_levels(&self, i: usize) -> u8 {
-        let mut along = 0;
-        for (axis, pattern_axis) in [Axis::X, Axis::Y].into_iter().enumerate() {
-            if !self.axes[axis] {
-                continue;
-            }
-            let coordinates = self.keys.map(|key| key.lit_from(pattern_axis)[i]);
-            let slopes = match pattern_axis {
-                Axis::X => &self.keys[1].x_slope,
-                Axis::Y => &self.keys[1].y_slope,
-            };
-            along |= u8::from(self.is_smooth(coordinates, slopes[i])) << axis;
-        }
-        along
+        self.smooth(|axis, pattern_axis| {
+            let footprint = self.keys[1].footprint(axis, i);
+            self.is_smooth(
+                self.keys.map(|key| key.lit_from(pattern_axis)[i]),
+                &footprint,
+            )
+        })
     }
 
     /// Same as [`Self::smooth_levels`], for the samples of a mixed pixel that is alike at all key
     /// instants.
     fn smooth_samples(&self, keys: [&Mixed; 3]) -> u8 {
         let lit = |k: &usize| keys[1].projected[*k] > 0.0;
-        let smooth = |k: usize, axis: usize| match axis {
-            0 => self.is_smooth(keys.map(|key| key.x[k]), keys[1].x_slope[k]),
-            _ => self.is_smooth(keys.map(|key| key.y[k]), keys[1].y_slope[k]),
-        };
-        let along = |axis: usize| self.axes[axis] && (0..16).filter(lit).all(|k| smooth(k, axis));
-        u8::from(along(0)) | u8::from(along(1)) << 1
+        self.smooth(|axis, pattern_axis| {
+            (0..16).filter(lit).all(|k| {
+                let coordinates = keys.map(|key| match pattern_axis {
+                    Axis::X => key.x[k],
+                    Axis::Y => key.y[k],
+                });
+                let footprint = self.keys[1].footprint_of_sample(axis, keys[1], k);
+                self.is_smooth(coordinates, &footprint)
+            })
+        })
+    }
+
+    /// Returns the axes along which there are kernels and levels are smooth.
+    fn smooth(&self, is_smooth: impl Fn(usize, Axis) -> bool) -> u8 {
+        let mut along = 0;
+        for (axis, pattern_axis) in [Axis::X, Axis::Y].into_iter().enumerate() {
+            let has_kernels = self.keys[1].kernels[axis].is_some();
+            along |= u8::from(has_kernels && is_smooth(axis, pattern_axis)) << axis;
+        }
+        along
     }
 
     /// Returns whether the parabola through the levels at three coordinates is accurate.
-    fn is_smooth(&self, [a, b, c]: [f32; 3], [right, down]: [f32; 2]) -> bool {
-        // The kernel is at least as wide as the footprint and a pattern pixel.
-        let variance = (right * right + down * down + 1.0) / 12.0;
+    fn is_smooth(&self, [a, b, c]: [f32; 3], footprint: &Blurred<'_>) -> bool {
         let distance = (b - a).abs().max((c - b).abs());
-        distance.powi(3) <= 7.5 * self.tolerance_px * variance
+        footprint.has_parabolic_level(distance, self.tolerance_px)
     }
 
     /// Returns whether the parabola of a projector coordinate may be inaccurate; `true` if a
@@ -407,9 +403,7 @@ impl Comparison<'_> {
                 return (same, bent);
             }
             match heads {
-                [Some(a), Some(b), Some(c)]
-                    if pixels == [pixel; 3] && seen_alike([a, b, c], self.axes) =>
-                {
+                [Some(a), Some(b), Some(c)] if pixels == [pixel; 3] && seen_alike([a, b, c]) => {
                     match self.mixed_bent([a, b, c]) {
                         true => bent.push(pixel),
                         false => same.push(KeyMixed {
@@ -431,8 +425,8 @@ impl Comparison<'_> {
         (0..16).any(|k| {
             let of = |map: fn(&Mixed) -> &[f32; 16]| keys.map(|key| map(key)[k]);
             bent_light(of(|key| &key.projected))
-                || self.axes[0] && self.bent(of(|key| &key.x))
-                || self.axes[1] && self.bent(of(|key| &key.y))
+                || self.bent(of(|key| &key.x))
+                || self.bent(of(|key| &key.y))
         })
     }
 }
@@ -443,7 +437,7 @@ const ONE_SURFACE_PX: f32 = 8.0;
 
 /// Returns whether each sample of a mixed pixel sees the same surface in the same light at all key
 /// instants, judged by its coordinates, light and tissue.
-fn seen_alike(keys: [&Mixed; 3], axes: [bool; 2]) -> bool {
+fn seen_alike(keys: [&Mixed; 3]) -> bool {
     let tissue = |key: &Mixed| key.skin.as_ref().map(|skin| skin.tissue);
     let differs = |k: usize| {
         let lit = keys.map(|key| key.projected[k] > 0.0);
@@ -451,7 +445,7 @@ fn seen_alike(keys: [&Mixed; 3], axes: [bool; 2]) -> bool {
             let bend = second_difference(keys.map(|key| map(key)[k]));
             !(bend.abs() <= ONE_SURFACE_PX)
         };
-        lit != [lit[1]; 3] || axes[0] && far(|key| &key.x) || axes[1] && far(|key| &key.y)
+        lit != [lit[1]; 3] || far(|key| &key.x) || far(|key| &key.y)
     };
     !bent_light(keys.map(|key| key.ambient))
         && keys.map(tissue) == [tissue(keys[1]); 3]
