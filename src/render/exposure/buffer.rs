@@ -269,7 +269,8 @@ impl GeometryBuffer {
         let skin = self.skin.as_ref().map_or(0.0, of_skin);
         let blur: f32 = self.blur.par_iter().map(|blur| 2.0 * weights(*blur)).sum();
         let mixed = self.mixed.len() * (size_of::<Mixed>() + size_of::<Samples>());
-        MAPS * self.x.len() + mixed + size_of::<f32>() * (skin + blur) as usize
+        let indirect = self.interreflection.bytes();
+        MAPS * self.x.len() + mixed + indirect + size_of::<f32>() * (skin + blur) as usize
     }
 
     /// Computes the blur kernels that the plan needs, for a pattern with `size` columns and rows.

@@ -40,6 +40,9 @@ pub(crate) struct InterreflectionMap {
     pub(crate) y_slope: Vec<[[f32; 2]; BLOCK]>,
     /// Irradiance contributed by each ray under full white, in W/m^2.
     pub(crate) weight: Vec<[f32; BLOCK]>,
+    /// Irradiance of each gather point by the indirect light of lamps in W/m^2, and its flicker
+    /// amplitude.
+    pub(crate) lamps: Vec<[f32; 2]>,
     /// For each pixel, the index of the first of the four gather points from which its light is
     /// interpolated.
     pub(crate) first: Vec<u32>,
@@ -59,6 +62,25 @@ impl InterreflectionMap {
         let [a, b, c, d] = self.shares[pixel];
         let (near, far) = (&points[first..], &points[first + self.stride..]);
         (a * near[0] + b * near[1]) + (c * far[0] + d * far[1])
+    }
+
+    /// Appends gather points.
+    pub(crate) fn append(&mut self, more: Self) {
+        let from = self.weight.len() as u32;
+        self.ends.extend(more.ends.iter().map(|end| from + end));
+        self.white.extend(more.white);
+        self.x.extend(more.x);
+        self.y.extend(more.y);
+        self.x_slope.extend(more.x_slope);
+        self.y_slope.extend(more.y_slope);
+        self.weight.extend(more.weight);
+        self.lamps.extend(more.lamps);
+    }
+
+    /// Returns the size in bytes with patterns along both axes.
+    pub(crate) fn bytes(&self) -> usize {
+        let pixels = self.first.len() * size_of::<[f32; 5]>();
+        pixels + self.weight.len() * BLOCK * size_of::<[f32; 7]>()
     }
 
     /// Returns the number of gather points, including padding past the end that [`Self::at`] may

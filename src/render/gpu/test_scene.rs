@@ -56,20 +56,21 @@ impl TestScene {
             optics,
         };
         let mut map = GeometryBuffer::default();
-        let (options, aperture) = (Options::default(), Aperture::new(&bench.profile.camera));
-        let rays = bench.rays();
-        let input = Input {
-            worlds: &bench.worlds,
-            optics: &bench.optics,
-            rays: &rays,
-            plan: &bench.plan,
-            options,
-            aperture,
-            occluders: None,
-        };
-        geometry::run(&input, &mut map);
+        geometry::run(&bench.input(&bench.rays()), &mut map);
         bench.map = map;
         bench
+    }
+
+    fn input<'a>(&'a self, rays: &'a Rays<'a>) -> Input<'a> {
+        Input {
+            worlds: &self.worlds,
+            optics: &self.optics,
+            rays,
+            plan: &self.plan,
+            options: Options::default(),
+            aperture: Aperture::new(&self.profile.camera),
+            occluders: None,
+        }
     }
 
     fn rays(&self) -> Rays<'_> {
@@ -89,7 +90,7 @@ impl TestScene {
     pub(super) fn bounced(&mut self) -> GeometryBuffer {
         let mut map = self.map.clone();
         self.optics.interreflection = self.wanted;
-        interreflection::run(&self.worlds, &self.rays(), &self.plan, &mut map);
+        interreflection::run(&self.input(&self.rays()), &mut map);
         map
     }
 

@@ -21,6 +21,9 @@ const MOST_TRACED_LAST: f64 = 0.3;
 const MOST_PIXELS: usize = 2_500_000;
 /// Maximum size of a key instant; up to seven are kept. Kernels of many projector pixels need more.
 const MOST_BYTES: usize = 400_000_000;
+/// Maximum fraction of the lit gather points at which indirect light may differ visibly between two key
+/// instants.
+const MOST_DIFFERENT: f64 = 1e-2;
 /// Minimum number of exposures for which there must be time between the first and the last key instant
 /// of a span. Two key instants per span cost as much as four interpolated frames.
 const FEWEST_FRAMES: f64 = 6.0;
@@ -55,13 +58,12 @@ pub struct Interpolation {
 impl Renderer {
     /// Returns whether the options and the plan permit interpolated geometry.
     pub(super) fn interpolates(&self) -> bool {
-        let exact = [Term::DepthOfField, Term::AlbedoMaps, Term::Interreflection];
         self.plan.has(Term::Motion)
             && self.options.motion_tolerance_px > 0.0
             && self.options.samples == 1
             && self.pixel_count() <= MOST_PIXELS
             && self.gpu.is_none()
-            && !exact.into_iter().any(|term| self.plan.has(term))
+            && !self.plan.has(Term::DepthOfField)
     }
 
     /// Returns the interpolation from a first to a last device time in nanoseconds, over the longest span
@@ -110,7 +112,9 @@ impl Renderer {
             reach_px: motion.reach_rad * focal(&self.optics.camera.lens),
             bend_px: motion.bend_rad * focal(&self.optics.camera.lens),
         };
-        if !(off_px <= tolerance_px && motion.reach_px <= MOST_REACH_PX) {
+        // A pixel's mean albedo is smooth over half a pixel only.
+        let too_far = self.plan.has(Term::AlbedoMaps) && !motion.is_slow();
+        if too_far || !(off_px <= tolerance_px && motion.reach_px <= MOST_REACH_PX) {
             return None;
         }
         let times_ns = span.times_ns();
@@ -133,7 +137,13 @@ impl Renderer {
             true => MOST_TRACED_LAST,
             false => MOST_TRACED,
         };
-        (between.traced() <= most).then(|| Arc::new(between))
+        let indirect = self
+            .optics
+            .interreflection
+            .map(|wanted| wanted.step_px as usize);
+        let indirect = indirect.filter(|_| self.plan.has(Term::Interreflection));
+        let steady = |step_px| between.indirect_difference(step_px) <= MOST_DIFFERENT;
+        (between.traced() <= most && indirect.is_none_or(steady)).then(|| Arc::new(between))
     }
 
     /// Traces the geometry at a key instant. Moves the scene there.
@@ -350,6 +360,52 @@ mod tests {
                 let limits = [0.4, 1.5, 4.0];
                 let within = quantiles.iter().zip(limits).all(|(q, limit)| *q <= limit);
                 assert!(within, "{quantiles:?}");
+            }
+        }
+    }
+
+    /// Interpolated frames have the indirect light of projector and lamp, and the ink of a board.
+    #[test]
+    fn interpolated_indirect_light_and_albedo_are_those_of_traced_frames() {
+        let motion = "motion = { period_s = 4.0, keyframes = [{ time_s = 0.0 }, { time_s = 1.0, \
+                      position_mm = [4.0, 0.0, -5.0], rotation_deg = [0.0, 1.0, 0.0] }] }\n";
+        let corner = format!(
+            "[[object]]\nshape = {{ kind = \"plane\" }}\nposition_mm = [200, 0, 1100]\n\
+             rotation_deg = [0, 60, 0]\nalbedo = 0.9\n\
+             [[object]]\nshape = {TORSO}\nposition_mm = [-60, 0, 1000]\nalbedo = 0.7\n{motion}\
+             [[light]]\nposition_mm = [-900, -300, 300]\nkind = \"point\"\nintensity_w_sr = 0.1\n\
+             [interreflection]\nsamples = 64\nstep_px = 8\n"
+        );
+        let board = format!(
+            "[[object]]\nshape = {{ kind = \"board\", board = {{ pattern = \"dots\", columns = 25, \
+             rows = 19, pitch_mm = 24.0, dot_mm = 10.0, marker_mm = 20.0 }} }}\n\
+             position_mm = [0, 0, 1000]\nalbedo = 0.8\n{motion}"
+        );
+        for (name, objects, most) in [("corner", corner, [0.3, 1.5]), ("board", board, [0.5, 3.0])]
+        {
+            let scene = scene(&objects);
+            let [mut between, mut traced, mut without] =
+                [0.01, 0.0, 0.0].map(|px| renderer("webcam-grey", &scene, px));
+            without.force(Term::Interreflection, false);
+            without.force(Term::AlbedoMaps, false);
+            for time_ns in [413_000_000, 1_987_000_000] {
+                let shot = shot(0, time_ns);
+                let [found, wanted, direct] = [&mut between, &mut traced, &mut without]
+                    .map(|renderer| renderer.expected_dn(&shot));
+                assert!(found != wanted, "{name} is not interpolated");
+                let errors = |found: &[f32]| {
+                    let error = |(a, b): (&f32, &f32)| (a - b).abs();
+                    let mut errors: Vec<f32> = found.iter().zip(&wanted).map(error).collect();
+                    errors.sort_unstable_by(f32::total_cmp);
+                    [0.99, 0.999, 1.0].map(|share| errors[(share * 307_199.0) as usize])
+                };
+                let (errors, omitted) = (errors(&found), errors(&direct));
+                println!("{name} {errors:?} without {omitted:?}");
+                assert!(
+                    errors[0] < most[0] && errors[1] < most[1],
+                    "{name} {errors:?}"
+                );
+                assert!(omitted[0] > 20.0 * errors[0], "{name} {omitted:?}");
             }
         }
     }

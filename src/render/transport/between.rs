@@ -14,15 +14,18 @@
 //! Where motion is slow, the samples of a mixed pixel are traced only if the pixel is mixed at a key
 //! instant; see [`ImageMotion`]. Pixels under blur, such as lit skin, get no blur kernels of their own: the
 //! levels under the kernels of the key instants are interpolated.
+//!
+//! Indirect light is gathered at key instants. A frame takes that of the nearest one, except for traced
+//! pixels, which take the light of gather points on their own surface.
 
 use super::geometry::{blur, mark_mixed, some_centers};
 use super::input::Input;
-use super::mixed;
-use crate::Plan;
+use super::{interreflection, mixed};
 use crate::exposure::{Blurred, GeometryBuffer, KeyLevels, Mixed, SkinMaps};
 use crate::material::COS_CREASE;
 use crate::scene::{Span, Surface, World};
 use crate::truth::Truth;
+use crate::{Plan, Term};
 use glam::Vec3;
 use phasmid_pattern::Axis;
 use rayon::prelude::*;
@@ -47,7 +50,7 @@ impl ImageMotion {
     /// same surface: it would have to move by the width of the pixel, or to turn within the pixel. An
     /// edge that turns goes beyond its positions at the key instants by at most an eighth of the second
     /// difference.
-    fn is_slow(self) -> bool {
+    pub(crate) fn is_slow(self) -> bool {
         self.reach_px <= 0.5 && self.bend_px <= 0.5
     }
 }
@@ -128,6 +131,14 @@ impl Between {
         self.traced.len() as f64 / self.keys[0].x.len().max(1) as f64
     }
 
+    /// Returns the largest fraction of the gather points at which indirect light differs visibly between
+    /// two neighbouring key instants. `step_px` is the spacing of the gather points in pixels.
+    pub(crate) fn indirect_difference(&self, step_px: usize) -> f64 {
+        let [a, b, c] = self.keys.each_ref().map(Arc::as_ref);
+        let difference = |keys| interreflection::difference(step_px, keys, &self.traced);
+        difference([a, b]).max(difference([b, c]))
+    }
+
     /// Fills the buffer with the geometry of rows that are exposed at device times in nanoseconds. The
     /// scene must already have been moved there.
     pub(crate) fn run(
@@ -156,6 +167,10 @@ impl Between {
         let (mixed, key_mixed): (_, Vec<_>) = mixed.into_iter().unzip();
         buffer.mixed = mixed;
         mark_mixed(buffer);
+        if input.plan.has(Term::Interreflection) {
+            let key = &self.keys[rows[height / 2].nearest];
+            interreflection::between(input, key, [&self.traced, &self.sampled], buffer);
+        }
         if let Some(mut skin) = self.skin(&rows) {
             let world = input.worlds.any();
             skin.renew(buffer, input.rays, input.optics, world, &self.traced);
@@ -226,6 +241,7 @@ impl Between {
             copy(band.x_slope, &nearest.x_slope, from);
             copy(band.y_slope, &nearest.y_slope, from);
             copy(band.lamps, &nearest.lamps, from);
+            copy(band.evenly, &nearest.evenly, from);
             copy(band.surface, &nearest.surface, from);
             copy(band.normal, &nearest.normal, from);
             copy(band.flags, &nearest.flags, from);

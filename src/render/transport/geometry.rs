@@ -43,6 +43,9 @@ pub(crate) fn key(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     centers(input, buffer);
     buffer.mixed = mixed::run(input, buffer, &[]);
     skin(input, buffer);
+    if input.plan.has(Term::Interreflection) {
+        interreflection::run(input, buffer);
+    }
     blur(input, buffer, None);
 }
 
@@ -127,7 +130,7 @@ fn complete(input: &Input<'_>, buffer: &mut GeometryBuffer) {
     }
     skin(input, buffer);
     if input.plan.has(Term::Interreflection) {
-        interreflection::run(input.worlds, input.rays, input.plan, buffer);
+        interreflection::run(input, buffer);
     }
     blur(input, buffer, None);
 }

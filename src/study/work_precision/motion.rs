@@ -2,7 +2,7 @@
 
 use phasmid_core::error::Result;
 use phasmid_device::Device;
-use phasmid_profile::{Profile, Scene};
+use phasmid_profile::{Interreflection, Profile, Scene};
 use phasmid_render::{Interpolation, Options, shot::Shot};
 use phasmid_report::lab::{Block, Check, Context, Row, Rows, Section, Settings, Table, Trial};
 use phasmid_report::plot::figures;
@@ -21,6 +21,12 @@ const MEAN_PX: f64 = 0.002;
 const TORSO: &str = r#"{ kind = "torso", triangles = 20000 }"#;
 const SPHERE: &str = r#"{ kind = "sphere", radius_mm = 150.0 }"#;
 const ROD: &str = r#"{ kind = "cylinder", radius_mm = 2.0, length_mm = 300.0 }"#;
+const BOARD: &str = r#"{ kind = "board", board = { pattern = "dots", columns = 25, rows = 19, pitch_mm = 24.0, dot_mm = 10.0, marker_mm = 20.0 } }"#;
+const INDIRECT: Interreflection = Interreflection {
+    error_percent: 1.0,
+    samples: Some(64),
+    step_px: Some(8),
+};
 
 /// Name, shape, whether the object rotates, and speeds in mm/s or degrees/s.
 const KINDS: [(&str, &str, bool, &[f64]); 4] = [
@@ -55,10 +61,20 @@ pub fn trials(settings: &Settings) -> Vec<Trial> {
             }
         }
         if !settings.quick {
-            let name = "breathing patient".to_owned();
-            trials.push(trial(settings, name, tolerance_px, || {
-                Ok((Profile::load("sgrt-pod")?, Scene::load("treatment-room")?))
+            let board = "board, 10 mm/s".to_owned();
+            trials.push(trial(settings, board, tolerance_px, || {
+                Ok((Profile::load("webcam-grey")?, moving(BOARD, 10.0, false)?))
             }));
+            for (name, interreflection) in [
+                ("breathing patient", None),
+                ("patient, indirect light", Some(INDIRECT)),
+            ] {
+                trials.push(trial(settings, name.to_owned(), tolerance_px, move || {
+                    let mut scene = Scene::load("treatment-room")?;
+                    scene.interreflection = interreflection;
+                    Ok((Profile::load("sgrt-pod")?, scene))
+                }));
+            }
         }
     }
     trials

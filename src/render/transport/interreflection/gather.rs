@@ -64,13 +64,12 @@ impl<'a> Gatherer<'a> {
     }
 
     /// Gathers the light at the points that `pixels` see, in order; the light is zero for pixels
-    /// that see no surface. The light of lamps is returned separately, as irradiance in W/m^2 and
-    /// flicker amplitude.
+    /// that see no surface.
     pub(super) fn gather(
         &self,
         map: &GeometryBuffer,
         pixels: &[Option<usize>],
-    ) -> (InterreflectionMap, Vec<[f32; 2]>) {
+    ) -> InterreflectionMap {
         let tasks: Vec<Gathered> = pixels
             .par_chunks(TASK)
             .map_init(Scratch::default, |scratch, pixels| {
@@ -99,8 +98,8 @@ impl<'a> Gatherer<'a> {
                 rays = rest;
             }
         }
-        let lamps = tasks.into_iter().flat_map(|task| task.lamps).collect();
-        (interreflection, lamps)
+        interreflection.lamps = tasks.into_iter().flat_map(|task| task.lamps).collect();
+        interreflection
     }
 
     /// Returns the irradiance of a place in W/m^2 by the indirect light of the projector's full

@@ -37,64 +37,113 @@ struct Seen {
 /// the way to the next grid point.
 type Along = (usize, f64);
 
+/// The grid of every `step`th column and row, and of the last column and row.
+pub(super) struct Lattice {
+    width: usize,
+    columns: Vec<usize>,
+    rows: Vec<usize>,
+    across: Vec<Along>,
+    down: Vec<Along>,
+}
+
+impl Lattice {
+    /// Creates the grid on an image with this number of columns and rows.
+    pub(super) fn new([width, height]: [usize; 2], step: usize) -> Self {
+        let (columns, rows) = (places(width, step), places(height, step));
+        Self {
+            width,
+            across: (0..width).map(|u| along(&columns, step, u)).collect(),
+            down: (0..height).map(|v| along(&rows, step, v)).collect(),
+            columns,
+            rows,
+        }
+    }
+
+    fn stride(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Returns the pixels of the grid, row by row.
+    pub(super) fn pixels(&self) -> Vec<usize> {
+        let of_row = |row: &usize| {
+            let from = row * self.width;
+            self.columns.iter().map(move |column| from + column)
+        };
+        self.rows.iter().flat_map(of_row).collect()
+    }
+
+    /// Returns the index of the first of the four grid points around a pixel.
+    fn first(&self, pixel: usize) -> usize {
+        let (j, i) = (
+            self.down[pixel / self.width].0,
+            self.across[pixel % self.width].0,
+        );
+        j * self.stride() + i
+    }
+
+    /// Returns the first of the four grid points from which the light of a pixel of `map` is
+    /// interpolated, and their shares. The light at the grid points is that of the surfaces that
+    /// `corners` sees. There are no shares if hardly any of the points is on the pixel's surface;
+    /// `None` if the pixel sees no surface.
+    pub(super) fn place(
+        &self,
+        pixel: usize,
+        map: &GeometryBuffer,
+        corners: &GeometryBuffer,
+        rays: &Rays<'_>,
+    ) -> Option<(u32, Option<[f32; 4]>)> {
+        let seen = Seen::at(map, rays, pixel)?;
+        let (i, right) = self.across[pixel % self.width];
+        let (j, down) = self.down[pixel / self.width];
+        let even = [
+            (1.0 - right) * (1.0 - down),
+            right * (1.0 - down),
+            (1.0 - right) * down,
+            right * down,
+        ];
+        let mut kept = [0.0; 4];
+        for k in (0..4).filter(|&k| even[k] > 0.0) {
+            let corner = self.rows[j + k / 2] * self.width + self.columns[i + k % 2];
+            let other = Seen::at(corners, rays, corner);
+            if other.is_some_and(|other| seen.goes_on_to(&other)) {
+                kept[k] = even[k];
+            }
+        }
+        let sum: f64 = kept.iter().sum();
+        let scale = f64::from(map.evenly[pixel]) / sum;
+        let shares = (sum >= LEAST).then(|| kept.map(|k| (k * scale) as f32));
+        Some((self.first(pixel) as u32, shares))
+    }
+}
+
 impl Grid {
-    /// Builds a grid of every `step`th column and row, and of the last column and row.
+    /// Selects the gather points and their shares of each pixel; `step` is the spacing of the grid.
     pub(super) fn new(map: &GeometryBuffer, rays: &Rays<'_>, step: usize) -> Self {
-        let (columns, rows) = (places(map.width, step), places(map.height, step));
-        let stride = columns.len();
+        let lattice = Lattice::new([map.width, map.height], step);
         let seen = |pixel: usize| (map.flags[pixel] & Truth::SEEN != 0).then_some(pixel);
-        let mut pixels: Vec<Option<usize>> = rows
-            .iter()
-            .flat_map(|row| columns.iter().map(move |column| row * map.width + column))
-            .map(seen)
-            .collect();
-        let across: Vec<Along> = (0..map.width).map(|u| along(&columns, step, u)).collect();
+        let mut pixels: Vec<Option<usize>> = lattice.pixels().into_iter().map(seen).collect();
         let mut shares = vec![[0.0; 4]; map.flags.len()];
         let alone: Vec<Vec<usize>> = shares
             .par_chunks_mut(map.width)
             .enumerate()
             .map(|(v, shares)| {
-                let (j, down) = along(&rows, step, v);
                 let mut alone = Vec::new();
                 for (u, shares) in shares.iter_mut().enumerate() {
                     let pixel = v * map.width + u;
-                    let Some(seen) = Seen::at(map, rays, pixel) else {
-                        continue;
-                    };
-                    let (i, right) = across[u];
-                    let first = j * stride + i;
-                    let corners = [first, first + 1, first + stride, first + stride + 1];
-                    let even = [
-                        (1.0 - right) * (1.0 - down),
-                        right * (1.0 - down),
-                        (1.0 - right) * down,
-                        right * down,
-                    ];
-                    let mut kept = [0.0; 4];
-                    for k in (0..4).filter(|&k| even[k] > 0.0) {
-                        let corner = pixels[corners[k]];
-                        let other = corner.and_then(|corner| Seen::at(map, rays, corner));
-                        if other.is_some_and(|other| seen.goes_on_to(&other)) {
-                            kept[k] = even[k];
+                    match lattice.place(pixel, map, map, rays) {
+                        None => {}
+                        Some((_, Some(found))) => *shares = found,
+                        Some((_, None)) => {
+                            alone.push(pixel);
+                            *shares = [map.evenly[pixel], 0.0, 0.0, 0.0];
                         }
-                    }
-                    let sum: f64 = kept.iter().sum();
-                    if sum < LEAST {
-                        alone.push(pixel);
-                        *shares = [map.evenly[pixel], 0.0, 0.0, 0.0];
-                    } else {
-                        let scale = f64::from(map.evenly[pixel]) / sum;
-                        *shares = kept.map(|k| (k * scale) as f32);
                     }
                 }
                 alone
             })
             .collect();
-        let mut first = Vec::with_capacity(map.flags.len());
-        for v in 0..map.height {
-            let row = along(&rows, step, v).0 * stride;
-            first.extend(across.iter().map(|(i, _)| (row + i) as u32));
-        }
+        let first = (0..map.flags.len()).map(|pixel| lattice.first(pixel) as u32);
+        let mut first: Vec<u32> = first.collect();
         for pixel in alone.into_iter().flatten() {
             first[pixel] = pixels.len() as u32;
             pixels.push(Some(pixel));
@@ -103,7 +152,7 @@ impl Grid {
             pixels,
             first,
             shares,
-            stride,
+            stride: lattice.stride(),
         }
     }
 }
