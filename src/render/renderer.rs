@@ -185,8 +185,8 @@ impl Renderer {
 
     /// Includes or excludes a term from now on, regardless of whether the scene needs it. Including
     /// a term that the scene does not need changes no byte of a frame, except that the geometry of a
-    /// moving scene is traced with depth of field, and interpolated more closely with albedo maps or
-    /// interreflection.
+    /// moving scene is not interpolated with depth of field, and key instants are closer with albedo
+    /// maps.
     pub fn force(&mut self, term: Term, included: bool) {
         self.forced.retain(|(forced, _)| *forced != term);
         self.forced.push((term, included));

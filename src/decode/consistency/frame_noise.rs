@@ -18,8 +18,9 @@ const THIN: usize = 3;
 const ROWS: usize = 16;
 /// Approximate number of pixels used for the estimate of the noise between neighbouring pixels.
 const SMOOTH: usize = 3_000;
-/// One of this many lit pixels is used for the light of a frame.
-const FEW: usize = 4;
+/// One of this many lit pixels is used for the light of a frame: a prime, so that it is not the same
+/// columns in each row.
+const FEW: usize = 5;
 /// Minimum light of a lit pixel in its brightest frame, relative to the 99th percentile of all pixels.
 const LIT: f32 = 0.25;
 /// Minimum light of a bright pixel of a frame, relative to the 90th percentile of the frame's lit

@@ -232,7 +232,12 @@ fn ripple(set: &FringeSet, sample: &Sample) -> Option<f64> {
         let fringe = Complex::new(c, s) / modulation.max(f64::MIN_POSITIVE);
         (2.0 * modulation / f64::from(white[*i] - black[*i]), fringe)
     };
-    let some = bright.iter().step_by(bright.len().div_ceil(MODULATED));
+    // Equal steps would take the same few columns of every row, so each pixel is at another place of its
+    // stretch.
+    let count = bright.len().min(MODULATED);
+    let stretch = bright.len() as f64 / count as f64;
+    let place = |k: usize| ((k as f64 + (k as f64 * 0.618_033_988_75).fract()) * stretch) as usize;
+    let some = (0..count).filter_map(|k| bright.get(place(k)));
     let mut told: Vec<(f64, Complex<f64>)> = some.map(told).collect();
     let middle = told.len() / 2;
     let by_modulation = |a: &(f64, _), b: &(f64, _)| a.0.total_cmp(&b.0);

@@ -249,28 +249,30 @@ impl GeometryBuffer {
         }
     }
 
-    /// Returns an upper bound of the size of maps and kernels in bytes. It does not depend on the axes
-    /// along which patterns vary.
-    pub(crate) fn most_bytes(&self) -> usize {
+    /// Estimates the size of maps and kernels in bytes, with patterns along both axes.
+    pub(crate) fn bytes(&self) -> usize {
         /// Size of the maps per pixel.
-        const MAPS: usize = 100;
-        // Weights reach eight standard deviations to either side.
-        let weights = |sigma_px: f32| 16.0 * sigma_px.clamp(0.0, 64.0);
-        let of_skin = |skin: &SkinMaps| -> f32 {
-            let sigma = |i: usize, axis: usize| {
-                let spread = skin.spread(i, axis);
+        const MAPS: usize = 120;
+        // A kernel reaches some four standard deviations to either side; wide ones have groups.
+        let of_kernel = |i: usize| -> usize {
+            let of_skin = |axis: usize| {
+                let spread = self.skin.as_ref().and_then(|skin| skin.spread(i, axis));
                 spread.map_or(0.0, |spread| spread.widest_px())
             };
-            let pixels = (0..self.x.len()).into_par_iter();
-            pixels
-                .map(|i| weights(sigma(i, 0)) + weights(sigma(i, 1)))
-                .sum()
+            let blur = self.blur_along(self.blur.get(i).copied().unwrap_or(0.0));
+            let sigma = [0, 1].map(|axis| of_skin(axis).hypot(blur[axis]).min(64.0));
+            let weights = |sigma: f32| {
+                if sigma > 0.0 { 8.0 * sigma + 12.0 } else { 0.0 }
+            };
+            32 + size_of::<f32>() * (weights(sigma[0]) + weights(sigma[1])) as usize
         };
-        let skin = self.skin.as_ref().map_or(0.0, of_skin);
-        let blur: f32 = self.blur.par_iter().map(|blur| 2.0 * weights(*blur)).sum();
-        let mixed = self.mixed.len() * (size_of::<Mixed>() + size_of::<Samples>());
-        let indirect = self.interreflection.bytes();
-        MAPS * self.x.len() + mixed + indirect + size_of::<f32>() * (skin + blur) as usize
+        let pixels: usize = (0..self.x.len()).into_par_iter().map(of_kernel).sum();
+        let of_mixed = |mixed: &Mixed| {
+            let own = size_of::<Mixed>() + size_of::<Samples>();
+            own + 16 * of_kernel(mixed.pixel as usize)
+        };
+        let mixed: usize = self.mixed.par_iter().map(of_mixed).sum();
+        MAPS * self.x.len() + pixels + mixed + self.interreflection.bytes()
     }
 
     /// Computes the blur kernels that the plan needs, for a pattern with `size` columns and rows.

@@ -21,6 +21,8 @@ pub(super) struct Keys {
     traced: VecDeque<(u64, Arc<GeometryBuffer>)>,
     spans: VecDeque<(Span, Arc<Between>)>,
     rejected: VecDeque<Span>,
+    /// Key instants whose memory is known: their times, and `true` if they take too much.
+    oversized: VecDeque<(u64, bool)>,
 }
 
 impl Keys {
@@ -37,6 +39,21 @@ impl Keys {
     pub(super) fn keep(&mut self, time_ns: u64, buffer: Arc<GeometryBuffer>) {
         self.traced.truncate(MOST_KEYS - 1);
         self.traced.push_front((time_ns, buffer));
+    }
+
+    /// Returns whether the key instant at a time takes too much memory, if this is known.
+    pub(super) fn oversized(&self, time_ns: u64) -> Option<bool> {
+        let known = self.oversized.iter().find(|(at, _)| *at == time_ns)?;
+        Some(known.1)
+    }
+
+    /// Notes whether the key instant at a time takes too much memory; if so, it is not kept.
+    pub(super) fn weigh(&mut self, time_ns: u64, oversized: bool) {
+        if oversized {
+            self.traced.clear();
+        }
+        self.oversized.truncate(MOST_REJECTED - 1);
+        self.oversized.push_front((time_ns, oversized));
     }
 
     /// Returns the cached decision on a span, if there is one. The decision is the span's

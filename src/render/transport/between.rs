@@ -50,8 +50,14 @@ impl ImageMotion {
     /// same surface: it would have to move by the width of the pixel, or to turn within the pixel. An
     /// edge that turns goes beyond its positions at the key instants by at most an eighth of the second
     /// difference.
-    pub(crate) fn is_slow(self) -> bool {
+    fn is_slow(self) -> bool {
         self.reach_px <= 0.5 && self.bend_px <= 0.5
+    }
+
+    /// Returns whether pixels move so little that their mean albedos follow parabolas: no edge of ink or
+    /// texture crosses a whole pixel from one key instant to the last.
+    pub(crate) fn follows_albedo(self) -> bool {
+        self.reach_px <= 0.25 && self.bend_px <= 0.25
     }
 }
 

@@ -105,8 +105,8 @@ pub(super) fn between(
 pub(super) fn difference(step: usize, [a, b]: [&GeometryBuffer; 2], traced: &[u32]) -> f64 {
     let lattice = Lattice::new([a.width, a.height], step);
     let differs = |(k, pixel): (usize, usize)| {
-        let white = [a, b].map(|key| key.interreflection.white.get(k).copied().unwrap_or(0.0));
-        let [one, other] = white.map(|white| white * a.evenly[pixel]);
+        let indirect = |key: &GeometryBuffer| key.interreflection.white[k] * key.evenly[pixel];
+        let [one, other] = [a, b].map(indirect);
         let light = a.projected[pixel] + a.ambient[pixel] + one.max(other);
         (one - other).abs() > DIFFERENT * light && traced.binary_search(&(pixel as u32)).is_err()
     };
