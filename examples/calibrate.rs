@@ -1,5 +1,5 @@
-//! Calibrates an emulated device as one calibrates a physical one, from scans of a board in several
-//! poses, and compares the result with the true rig.
+//! Calibrates an emulated device like a physical device, from scans of a board in several poses,
+//! and compares the result with the true rig.
 //!
 //! ```sh
 //! cargo run --release --example calibrate
@@ -14,7 +14,7 @@ use phasmid::{Device, Error};
 fn main() -> Result<(), Error> {
     let profile = Profile::load("pmp-bench")?;
     let board = Board::DOTS.scaled(profile.calibration.board_scale.unwrap_or(1.0));
-    // A board and nothing else; each scan moves it to another pose.
+    // The scene contains only a board; each scan moves the board to another pose.
     let mut scene = Scene::load("board")?;
     scene.object[0].shape = Shape::Board { board, ink: 0.06 };
     scene.object[0].albedo = 0.45;
@@ -45,7 +45,7 @@ fn main() -> Result<(), Error> {
     );
     assert!(
         squared < 4.0 * parameters as f64,
-        "the covariance tells the error"
+        "the covariance does not explain the error"
     );
     Ok(())
 }

@@ -1,5 +1,5 @@
-//! Scans with any scanner, emulated or physical, by the addresses of its camera and control port, and
-//! writes the measured points as a PLY file.
+//! Scans with any scanner, emulated or physical, given the addresses of its camera and control
+//! port, and writes the measured points to a PLY file.
 //!
 //! ```sh
 //! cargo run --release --example drive_a_scanner -- /dev/video10 /dev/ttyACM0 cloud.ply
@@ -22,7 +22,7 @@ fn drive(camera: &str, control: &Path, out: &Path) -> Result<(), Error> {
     let mut scanner = Scanner::connect(camera, control, ScanOptions::default())?;
     let capture = scanner.scan_with(|progress| match progress {
         Progress::Identified(name) => println!("{name}"),
-        Progress::Retry(why) => println!("{why}; once more"),
+        Progress::Retry(why) => println!("{why}; scanning again"),
         _ => {}
     })?;
     scanner.finish()?;

@@ -13,7 +13,7 @@ fn main() -> Result<(), Error> {
         ("the third frame is lost", Fault::once(What::Dropped, 3)),
         ("every frame is lost", Fault::new(What::Dropped)),
         (
-            "the fifth frame comes twice",
+            "the fifth frame arrives twice",
             Fault::once(What::Repeated, 5),
         ),
         (

@@ -1,6 +1,6 @@
-//! The test of a scanner driver, as it runs in continuous integration without the scanner. The driver
-//! is any program that opens a serial port and a camera; this one reads the device's identity and a
-//! frame with nothing but the standard library.
+//! Tests a scanner driver without the scanner, as in continuous integration. The driver is any
+//! program that opens a serial port and a camera; this one reads the device's identity and a frame
+//! with nothing but the standard library.
 //!
 //! ```sh
 //! cargo test --release --example loopback_test
@@ -11,7 +11,7 @@ use std::io::{BufRead, BufReader, Read, Result, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 
-/// Asks the scanner at a serial port who it is.
+/// Asks the scanner at a serial port for its identity.
 fn identity(port: &Path) -> Result<String> {
     let mut port = OpenOptions::new().read(true).write(true).open(port)?;
     port.write_all(b"*IDN?\n")?;

@@ -33,8 +33,8 @@ impl Study for Light {
             Series::new(name, SeriesStyle::Both, rows.all.iter().map(point))
         };
         let chart = Chart {
-            heading: "A sphere before webcam-grey".to_owned(),
-            x: "light, part of the profile's".to_owned(),
+            heading: "A sphere in front of webcam-grey".to_owned(),
+            x: "light, fraction of the profile's".to_owned(),
             y: "RMS error of depth, mm".to_owned(),
             log: [true; 2],
             series: vec![line("error", "error_mm"), line("bound", "bound_mm")],

@@ -1,5 +1,5 @@
-//! Tracks a breathing patient with one scanner over the treatment couch, infers the position of a lung
-//! tumour from the skin, and compares it with the true one.
+//! Tracks a breathing patient with one scanner over the treatment couch, infers the position of a
+//! lung tumour from the skin, and compares the result with the true position.
 //!
 //! ```sh
 //! cargo run --release --example track_a_patient
@@ -29,8 +29,8 @@ fn main() -> Result<(), Error> {
     patient.export_planning(&folder, 12.0, false, false)?;
     let planned = Planned::load(&folder)?;
 
-    // The day of treatment: the same patient on the couch, set up with a small error and breathing a
-    // little less deeply. The scanner looks down from above the foot end.
+    // On the day of treatment, the same patient lies on the couch with a small set-up error and
+    // breathes a little less deeply. The scanner looks down from above the foot end.
     let scene = Scene::load("treatment-room")?;
     let place = scene.rig;
     let mut profile = Profile::load("sgrt-pod")?;
@@ -40,14 +40,14 @@ fn main() -> Result<(), Error> {
     let device = Device::builder().profile(profile).scene(scene).build()?;
     let serving = device.serve(&ServeOptions::default())?;
 
-    // The tracker reaches the scanner as it would reach a physical one.
+    // Connect to the scanner as to a physical scanner.
     let at = serving.endpoints();
     let scanner = Scanner::connect(&at.camera, &at.control, ScanOptions::default())?;
     let mut pods = [Pod::new("foot", scanner, place)];
     let options = TrackOptions {
         tolerance_mm: 8.0,
         rules: HoldRules {
-            // A scan takes longer to render than to take with a physical scanner.
+            // Rendering a scan takes longer than a scan by a physical scanner.
             stale_ns: 5_000_000_000,
             ..HoldRules::default()
         },
@@ -75,7 +75,7 @@ fn compare(scans: &[Tracked], patient: &Phantom) {
     let (mut truth, mut found) = (Vec::new(), Vec::new());
     for tracked in scans {
         let tumour = tracked.tumour.as_ref().expect("the chest is in sight");
-        // The patient moves during the scan; what is measured is the middle of it.
+        // The patient moves during the scan; compare with the truth at the middle of the scan.
         let time = tracked.middle.expect("the frames carry times");
         let wanted = true_tumour_mm(patient, time);
         let square = |axis: usize| (tumour.position_mm[axis] - wanted[axis]).powi(2);

@@ -1,5 +1,5 @@
-//! Compares a decoder of one's own with the truth: five phase steps of a fine fringe, unwrapped with
-//! five of a fringe as wide as the projector.
+//! Compares your own decoder with the truth. The decoder uses five phase steps of a fine fringe,
+//! and unwraps them with five phase steps of a fringe as wide as the projector.
 //!
 //! ```sh
 //! cargo run --release --example your_own_decoder
@@ -60,7 +60,7 @@ fn decode(capture: &Capture) -> Vec<f64> {
     let pixels = capture.images[0].samples().len();
     let column = |at| {
         let [fine, coarse] = [0, 1].map(|set| phase(set, at) * PERIODS[set]);
-        // The order of the fine fringe brings it nearest to the coarse position.
+        // Choose the order of the fine fringe that is nearest to the coarse position.
         fine + PERIODS[0] * ((coarse - fine) / PERIODS[0]).round()
     };
     (0..pixels).map(column).collect()

@@ -1,5 +1,5 @@
-//! The command line's entry: everything is in the library, except for what happens when memory runs
-//! out.
+//! Entry point of the command-line program. Everything is in the library, except the handling of
+//! memory exhaustion.
 
 mod out_of_memory;
 

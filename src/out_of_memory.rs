@@ -52,6 +52,6 @@ fn refused(bytes: usize) -> ! {
     );
     let len = usize::try_from(line.position()).unwrap_or(0);
     let _ = std::io::stderr().write_all(&text[..len]);
-    // Runs no destructors and needs no memory.
+    // This call runs no destructors and allocates no memory.
     std::process::exit(1)
 }

@@ -29,12 +29,12 @@ __all__ = ["Control", "Device", "Endpoints", "Serving"]
 class Control:
     """The control port of a device in memory, with the methods of a serial port."""
 
-    # Not the device, which has this object: a cycle would be freed late.
+    # Not the `Device` that owns this object, because a reference cycle is freed late.
     def __init__(self, inner: _phasmid.Device, name: str) -> None:
         self._inner = inner
         self._name = name
         self._replies = b""
-        #: What was sent and received last, in order.
+        #: The last 1000 messages sent and received, in order.
         self.log: deque[tuple[Literal["sent", "received"], bytes]] = deque(maxlen=1000)
 
     def write(self, data: bytes | str) -> int:
@@ -54,13 +54,13 @@ class Control:
         return len(data)
 
     def read(self, size: int = -1) -> bytes:
-        """Return the bytes that have come, at most ``size`` if that is 0 or more."""
+        """Return the bytes received, at most ``size`` of them if ``size`` is 0 or more."""
         end = len(self._replies) if size < 0 else size
         data, self._replies = self._replies[:end], self._replies[end:]
         return data
 
     def readline(self) -> bytes:
-        """Return the next line with its newline, or what has come of it."""
+        """Return the next line with its newline, or the part received so far."""
         return self.read(self._replies.find(b"\n") + 1 or len(self._replies))
 
     def query(self, command: str) -> str:
@@ -93,7 +93,7 @@ class Endpoints:
     camera : str
         Address of the camera: ``/dev/videoN``, ``usb:HOST:PORT/BUSID`` or ``socket:PATH``.
     camera_socket : str
-        Address of the frame socket, which exists besides any other camera.
+        Address of the frame socket, which exists in addition to any other camera.
     run_dir : str
         Directory with the endpoints.
     camera_tcp, control_usb, usb, dialect, service : str, optional
@@ -136,12 +136,12 @@ class Serving(Closing):
     Attributes
     ----------
     endpoints : Endpoints
-        Where it can be reached.
+        Addresses of the device.
     """
 
     def __init__(self, endpoints: Endpoints, end: Callable[[], object]) -> None:
         self.endpoints = endpoints
-        # Also at the end of the interpreter, while the device's threads can still be joined.
+        # Also runs at the end of the interpreter, while the device's threads can still be joined.
         self._end = weakref.finalize(self, end)
 
     @property
@@ -151,19 +151,19 @@ class Serving(Closing):
         Raises
         ------
         DeviceError
-            If the device has none.
+            If the device has no service channel.
         """
         if self.endpoints.service is None:
             raise DeviceError(f"{self.endpoints.run_dir}: the device has no service channel")
         return Service(self.endpoints.service)
 
     def stop(self) -> None:
-        """End the device and wait until it has.
+        """End the device and wait until it has ended.
 
         Raises
         ------
         DeviceError, OperatingSystemError
-            If the device had ended before, by this error.
+            If the device had already ended with this error.
         """
         self._end()
 
@@ -186,7 +186,7 @@ class Device(Closing):
     profile : Profile, str, path or dict
         The device: a built-in name, the path of a TOML file, or fields.
     scene : Scene, str, path or dict
-        What is in front of it.
+        The scene in front of the device: a built-in name, the path of a TOML file, or fields.
     seed : int
         Seed of the noise. Equal seeds give equal frames on every machine.
     clock : {"real", "fast", "stepped"}
@@ -275,7 +275,7 @@ class Device(Closing):
         sequence : str, optional
             One of `sequences`; the first by default.
         progress : callable or True, optional
-            Called with the number of frames done and of all; True shows a bar of ``tqdm``.
+            Called with the number of frames done and the total number; True shows a ``tqdm`` bar.
 
         Returns
         -------
@@ -355,14 +355,14 @@ class Device(Closing):
         Parameters
         ----------
         object : int
-            Its number in the scene, from 0.
+            Index of the object in the scene, counted from 0.
         position_mm, rotation_deg : three floats
             As in the scene's file.
 
         Raises
         ------
         InputError
-            If there is no such object or a number is not finite; nothing has changed then.
+            If there is no such object or a number is not finite; the scene is then unchanged.
         """
         self._inner.place(
             whole("object", object), three("position_mm", position_mm), three("rotation_deg", rotation_deg)

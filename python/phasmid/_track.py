@@ -31,7 +31,7 @@ def export_planning(
     patient : str or path
         A built-in name, such as "p02-man-mean", or the path of a TOML file.
     folder : str or path
-        Made if it does not exist.
+        Created if it does not exist.
     spacing_mm : float
         Spacing of the displacement fields, 1 to 20.
     ct : bool
@@ -60,7 +60,7 @@ class Planning:
     Raises
     ------
     InputError, OperatingSystemError
-        If the folder does not have the data.
+        If the folder's data are missing or not valid.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -78,7 +78,7 @@ class Planning:
 
 
 class Pod(Closing):
-    """A scanner at a known place in the treatment room. It takes the scanner over.
+    """A scanner at a known place in the treatment room. The pod takes over the scanner.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class SkinPose:
 
 @dataclass(frozen=True)
 class TumourPosition:
-    """Position of the tumour by the motion model, with standard deviations.
+    """Position of the tumour according to the motion model, with standard deviations.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ class TumourPosition:
     rms_mm : float
         Root mean square distance of the fitted points from the surface, in millimetres.
     coverage : float
-        Fraction of the tracked skin that has points.
+        Fraction of the tracked part of the skin on which points were measured.
     """
 
     position_mm: list[float]
@@ -172,13 +172,14 @@ class Tracked:
     time_s : float
         Device time at the end of the last exposure.
     middle_s : float, optional
-        Device time halfway between the first and the last exposure.
+        Device time halfway from the start of the first exposure to the end of the last; None if
+        the links carry no times.
     points : int
-        Number of points of all pods.
+        Total number of points that the pods measured.
     skin : SkinPose, optional
-        The skin; None if it is lost.
+        Pose of the skin; None if tracking has lost the skin.
     tumour : TumourPosition, optional
-        The tumour; None if the skin is lost.
+        Position of the tumour; None if tracking has lost the skin.
     held : str, optional
         Why the beam is held; None if it may be on.
     warnings : list of str
@@ -227,7 +228,7 @@ def track(
     Parameters
     ----------
     pods : iterable of Pod
-        Their ports stay open for another call.
+        The pods of the room. Their ports stay open, so another call can use them.
     planning : Planning
         The patient in the planned position, head first and supine.
     on_scan : callable, optional
@@ -245,12 +246,13 @@ def track(
     enter : float
         Fraction of the tolerance within which the beam may come on.
     settle_s, stale_s : float
-        Time that the patient must stay within it; maximum age of a result.
+        Time in seconds that all quantities must stay within ``enter`` before the beam comes on;
+        maximum age of a result in seconds.
 
     Returns
     -------
     list of Tracked
-        All results. If an exception ends the call, ``on_scan`` alone has received them.
+        All results. If an exception ends the call, only ``on_scan`` has received the results.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-//! Arrays of numpy from and to images and maps.
+//! Converts images and maps to numpy arrays and back.
 
 use crate::call::quiet;
 use crate::errors::raised;
@@ -86,7 +86,7 @@ fn joined<'a, T: Copy + 'a>(images: impl Iterator<Item = &'a [T]> + Clone) -> Ve
     all
 }
 
-/// Frames that an array of Python holds.
+/// Frames held by a numpy array.
 pub enum Frames<'py> {
     U8(PyReadonlyArray3<'py, u8>),
     U16(PyReadonlyArray3<'py, u16>),
@@ -162,7 +162,7 @@ where
         .collect()
 }
 
-/// Returns what an array is, for messages.
+/// Describes an array or another value, for messages.
 fn found(value: &Bound<'_, PyAny>) -> String {
     match value.cast::<PyUntypedArray>() {
         Ok(array) => format!(

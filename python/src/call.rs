@@ -1,5 +1,5 @@
-//! Long calls: on a thread pool of ours, without the interpreter's lock, until they are done or Python
-//! raises an exception, as it does at Ctrl-C.
+//! Runs long calls on a thread pool of this module and without the interpreter's lock, until they
+//! have finished or Python raises an exception (for example after Ctrl-C).
 
 use crate::errors::raised;
 use phasmid::host::Progress;
@@ -15,15 +15,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Time between two looks at Python's signals.
+/// Time between two checks for Python signals.
 const POLL: Duration = Duration::from_millis(20);
-/// Time between two attempts to use what another thread uses.
+/// Time between two attempts to lock a value that another thread is using.
 const RETRY: Duration = Duration::from_millis(1);
 
-/// The pool, and the process whose threads it has: a forked child has none of them.
+/// The pool, and the id of the process that owns its threads. A forked child does not inherit these
+/// threads.
 ///
-/// Locked only by a thread that holds the interpreter's lock. A thread that forks holds it too, so no child
-/// finds this locked.
+/// Only a thread that holds the interpreter's lock locks this mutex. A thread that forks also holds
+/// the interpreter's lock, so a child never finds the mutex locked.
 static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 
 /// Returns this process's pool.
@@ -36,13 +37,14 @@ pub fn pool(_: Python<'_>) -> PyResult<Arc<ThreadPool>> {
         return Ok(Arc::clone(pool));
     }
     let pool = Arc::new(new_pool()?);
-    // The parent's pool would signal its threads, which do not exist here.
+    // Forget the parent's pool instead of dropping it: dropping signals its threads, which do not
+    // exist in this process.
     mem::forget(held.replace((process, Arc::clone(&pool))));
     Ok(pool)
 }
 
-/// Returns a pool of its own, for work that waits for a device: it would keep other work off the threads of
-/// [`pool`].
+/// Returns a separate pool for work that waits for a device, because this work would block the
+/// threads of [`pool`].
 pub fn new_pool() -> PyResult<ThreadPool> {
     let named = ThreadPoolBuilder::new().thread_name(|i| format!("phasmid {i}"));
     named.build().map_err(|why| {
@@ -53,8 +55,8 @@ pub fn new_pool() -> PyResult<ThreadPool> {
     })
 }
 
-/// A look at Python's signals, which only the main thread handles. Other threads leave the interpreter
-/// alone while they wait: it may end before they do.
+/// Checks for Python signals, which only the main thread handles. Other threads do not attach to
+/// the interpreter while they wait, because it may end before they do.
 #[derive(Default)]
 struct Signals {
     is_main: Option<bool>,
@@ -78,14 +80,15 @@ impl Signals {
     }
 }
 
-/// Messages of a long call to the thread that waits for it.
+/// Messages from a long call to the thread that waits for it.
 enum News<T, P> {
     Progress(P),
     Done(Result<T>),
 }
 
-/// Runs `work` on the pool and waits for it. The caller's thread passes the progress that `work` reports to
-/// `tell`. An exception of `tell` or of a signal asks `stop`, and is raised when the work has ended.
+/// Runs `work` on the pool and waits for it. The calling thread passes the progress that `work`
+/// reports to `tell`. If `tell` or a signal raises an exception, `stop` is requested, and the
+/// exception is raised when the work has ended.
 ///
 /// # Errors
 /// Returns the exception of `tell` or of a signal, or the error of the work.
@@ -98,7 +101,7 @@ pub fn long<T: Send, P: Send>(
     long_on(&*pool(py)?, py, stop, tell, work)
 }
 
-/// [`long`] on the threads of another pool.
+/// Runs [`long`] on the threads of another pool.
 ///
 /// # Errors
 /// Returns the errors of [`long`].
@@ -119,9 +122,9 @@ pub fn long_on<T: Send, P: Send>(
             loop {
                 let seen = match news.recv_timeout(POLL) {
                     Ok(News::Done(result)) => return Some((result, exception)),
-                    // The work has panicked, which the scope passes on.
+                    // The work has panicked; the scope passes the panic on.
                     Err(RecvTimeoutError::Disconnected) => return None,
-                    // The caller has ended the call and wants no more news.
+                    // An exception has ended the call: drop further progress.
                     Ok(News::Progress(_)) if exception.is_some() => Ok(()),
                     Ok(News::Progress(progress)) => Python::attach(|py| tell(py, progress)),
                     Err(RecvTimeoutError::Timeout) => Ok(()),
@@ -157,7 +160,7 @@ fn do_work<T, P>(work: impl FnOnce(&dyn Fn(P)) -> Result<T>, news: &Sender<News<
     let _ = news.send(News::Done(result));
 }
 
-/// [`long`] of work that reports no progress.
+/// Runs [`long`] for work that reports no progress.
 pub fn quiet<T: Send>(
     py: Python<'_>,
     stop: &Stop,
@@ -166,8 +169,8 @@ pub fn quiet<T: Send>(
     long(py, stop, |_, ()| Ok(()), |_| work())
 }
 
-/// Runs work that cannot be stopped, on a thread of its own. An exception of a signal leaves it to end by
-/// itself, and its result to `unwanted`.
+/// Runs work that cannot be stopped on a new thread. If a signal raises an exception, the work runs
+/// on in the background, and its result is passed to `unwanted`.
 ///
 /// # Errors
 /// Returns the exception of a signal, or the error of the work.
@@ -176,7 +179,7 @@ pub fn left<T: Send + 'static>(
     work: impl FnOnce() -> Result<T> + Send + 'static,
     unwanted: impl FnOnce(T) + Send + 'static,
 ) -> PyResult<T> {
-    // Without a place for a result that nobody takes.
+    // The channel has no buffer, so sending fails if nobody receives the result.
     let (send, result) = mpsc::sync_channel(0);
     let thread = thread::Builder::new().name("phasmid".to_owned());
     let begun = thread.spawn(move || {
@@ -205,7 +208,8 @@ pub fn seconds(field: &str, seconds: f64) -> PyResult<Duration> {
         .map_err(|_| raised(Error::input(field, seconds, "seconds, 0 or more")))
 }
 
-/// Returns how a scan reports its frames and learns that `stop` is asked.
+/// Returns the progress function of a scan, which reports frames and ends the scan when `stop` is
+/// requested.
 pub fn watch<'a>(
     stop: &'a Stop,
     report: &'a dyn Fn((usize, usize)),
@@ -236,7 +240,7 @@ pub fn tell(
     }
 }
 
-/// Number of the last thread that has one.
+/// Number that was assigned last to a thread.
 static THREADS: AtomicU64 = AtomicU64::new(0);
 
 thread_local! {
@@ -265,28 +269,28 @@ impl<T> DerefMut for Locked<'_, T> {
 }
 
 impl<T> Drop for Locked<'_, T> {
-    // Before the value is unlocked.
+    // Clear the owner before the value is unlocked.
     fn drop(&mut self) {
         self.owner.store(0, Ordering::Relaxed);
     }
 }
 
-/// A value that one thread uses at a time, until it is closed. Others wait, and can be interrupted while
-/// they do.
+/// A value that one thread at a time may use, until it is closed. The wait of another thread can be
+/// interrupted.
 pub struct Shared<T> {
     value: Mutex<Option<T>>,
-    /// Process that has locked it last.
+    /// Id of the process that last locked the value.
     process: AtomicU32,
-    /// Number of the thread that has locked it; 0 if none has.
+    /// Number of the thread that has locked the value; 0 if the value is not locked.
     owner: AtomicU64,
     /// For messages.
     name: &'static str,
-    /// The process that alone may use it.
+    /// Id of the only process that may use the value, if it is restricted to one.
     home: Option<u32>,
 }
 
 impl<T> Shared<T> {
-    /// A value that a forked child has a copy of.
+    /// Creates a value of which a forked child gets a copy.
     pub fn new(name: &'static str, value: T) -> Self {
         Self {
             value: Mutex::new(Some(value)),
@@ -297,8 +301,8 @@ impl<T> Shared<T> {
         }
     }
 
-    /// A value with ports, threads or a driver, which stay with this process. In a forked child it is closed,
-    /// and its end reaches none of them.
+    /// Creates a value with ports, threads or a driver, which belong to this process. In a forked
+    /// child the value is closed, and dropping the child's copy does not affect them.
     pub fn at_home(name: &'static str, value: T) -> Self {
         let mut shared = Self::new(name, value);
         shared.home = Some(process::id());
@@ -309,7 +313,7 @@ impl<T> Shared<T> {
         self.home.is_some_and(|home| home != process::id())
     }
 
-    /// The error for a value that is closed.
+    /// Returns the error for a closed value.
     pub fn closed(&self) -> PyErr {
         raised(Error::device(match self.is_abroad() {
             true => format!(
@@ -326,9 +330,9 @@ impl<T: Send> Shared<T> {
     /// Locks the value, which is `None` when it is closed.
     ///
     /// # Errors
-    /// Returns an error if a signal raised an exception, if this thread uses the value already, as a function
-    /// that receives its progress does, if the value belongs to another process, or if another thread was using
-    /// it when this process was forked: it then stays locked.
+    /// Returns an error if a signal raised an exception, if this thread is already using the value
+    /// (for example in a progress function), if the value belongs to another process, or if another
+    /// thread was using the value when this process was forked; in this case it stays locked.
     pub fn lock(&self, py: Python<'_>) -> PyResult<Locked<'_, T>> {
         if self.is_abroad() {
             return Err(self.closed());
@@ -337,7 +341,7 @@ impl<T: Send> Shared<T> {
         loop {
             let locked = match self.value.try_lock() {
                 Ok(value) => Some(value),
-                // A call that panicked has not left it half changed.
+                // A call that panicked has not left the value partly modified.
                 Err(TryLockError::Poisoned(value)) => Some(value.into_inner()),
                 Err(TryLockError::WouldBlock) => None,
             };
@@ -369,7 +373,7 @@ impl<T: Send> Shared<T> {
         }
     }
 
-    /// Does something short with the value.
+    /// Runs a short operation on the value.
     ///
     /// # Errors
     /// Returns the errors of [`Self::lock`] and of `then`, and an error if the value is closed.
@@ -378,7 +382,7 @@ impl<T: Send> Shared<T> {
         then(value.as_mut().ok_or_else(|| self.closed())?).map_err(raised)
     }
 
-    /// Does something long with the value, as [`long`] does.
+    /// Runs a long operation on the value, as [`long`] does.
     ///
     /// # Errors
     /// Returns the errors of [`Self::lock`] and of [`long`], and an error if the value is closed.
@@ -394,7 +398,7 @@ impl<T: Send> Shared<T> {
         long(py, stop, tell, |report| work(value, report))
     }
 
-    /// [`Self::long`] of work that reports no progress.
+    /// Runs [`Self::long`] for work that reports no progress.
     ///
     /// # Errors
     /// Returns the errors of [`Self::long`].

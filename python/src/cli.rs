@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 /// Runs a command and returns its exit status. `program` is the path of this extension.
 ///
-/// The interpreter's lock is released: the command runs as in a program of its own.
+/// The command runs without the interpreter's lock, as in a separate process.
 #[pyfunction]
 pub fn run(py: Python<'_>, arguments: Vec<OsString>, program: PathBuf) -> u8 {
     let launcher = Launcher {

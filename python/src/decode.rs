@@ -15,7 +15,7 @@ use std::path::PathBuf;
 #[pyclass(frozen, module = "phasmid._phasmid")]
 pub struct Decoder {
     decoder: phasmid::Decoder,
-    /// Shared by all calls: Ctrl-C in one ends those in other threads as well.
+    /// Shared by all calls, so Ctrl-C in one thread also ends the calls of other threads.
     stop: Stop,
 }
 
@@ -94,7 +94,7 @@ impl Decoder {
             let asked = self.stop.times();
             let mut decoded = Decoded::default();
             self.decoder.decode_views(&views, &mut decoded)?;
-            // Taken back before the decoder looked: it may have left rows out.
+            // The stop was requested and reset while the decoder ran, so rows may be missing.
             match self.stop.times() == asked {
                 true => Ok(decoded),
                 false => Err(Error::Interrupted),

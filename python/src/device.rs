@@ -103,7 +103,7 @@ impl Device {
         let device = quiet(py, &stop, || builder.build())?;
         let shared = match backend {
             Backend::Cpu => Shared::new("device", device),
-            // The driver of a GPU does not survive a fork.
+            // A GPU driver does not work in a forked child.
             _ => Shared::at_home("device", device),
         };
         Ok(Self { shared, stop })
@@ -240,7 +240,8 @@ impl Device {
                 })
             }),
             observer: None,
-            // The threads of the device are its own: rayon's global pool does not survive a fork.
+            // The device gets its own threads, because rayon's global pool does not work in a
+            // forked child.
             threads: NonZeroUsize::new(pool(py)?.current_num_threads()),
         };
         let device = self.shared.take(py)?.ok_or_else(|| self.shared.closed())?;
@@ -274,7 +275,8 @@ struct Guard(Option<Served>);
 
 impl Drop for Guard {
     fn drop(&mut self) {
-        // Ending it waits for a thread that may be waiting for the interpreter to pass a notice on.
+        // Dropping the served device waits for a thread that may itself be waiting for the
+        // interpreter, to pass on a notice.
         if let Some(served) = self.0.take() {
             let mut served = Some(served);
             let _ = Python::try_attach(|py| py.detach(|| drop(served.take())));

@@ -18,7 +18,7 @@ pub fn to_json(value: &impl Serialize) -> PyResult<String> {
 /// Reads a value from JSON; `place` names it in messages.
 pub fn from_json<T: DeserializeOwned>(json: &str, place: &str, expected: &str) -> PyResult<T> {
     serde_json::from_str(json).map_err(|e| {
-        // Its place in the JSON, which nobody has written.
+        // Remove the position in the JSON, because the user did not write the JSON.
         let message = e.to_string();
         let message = message.split(" at line ").next().unwrap_or_default();
         raised(Error::input(place, message, expected))
@@ -125,7 +125,7 @@ macro_rules! document {
                 &self.value.name
             }
 
-            /// Source and changes, from which `restored` makes an equal document.
+            /// Returns source and changes, from which `restored` creates an equal document.
             fn state(&self) -> (bool, &str, Changes) {
                 match &self.source {
                     Source::Named(name) => (true, name, self.changes.clone()),

@@ -1,4 +1,4 @@
-//! Errors as Python's exceptions, which `phasmid/_errors.py` defines.
+//! Converts errors to the Python exceptions defined in `phasmid/_errors.py`.
 
 use phasmid::Error;
 use pyo3::prelude::*;

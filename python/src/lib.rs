@@ -1,9 +1,9 @@
 //! Python bindings of Phasmid: the extension `phasmid._phasmid`, on which the Python modules of
-//! `python/phasmid` are built. It has what needs Rust; classes with documentation, defaults and
-//! conversions are in Python.
+//! `python/phasmid` are built. The extension contains only code that needs Rust; classes with
+//! documentation, defaults and conversions are in Python.
 //!
-//! It is a member of the workspace, so that profiles, patches and the versions of packages are those
-//! of the other crates.
+//! The crate is a member of the workspace, so it uses the same profiles, patches and package
+//! versions as the other crates.
 //!
 //! | file | contents |
 //! | --- | --- |

@@ -1,4 +1,4 @@
-//! Captures, maps and truths as parts of Python's classes, and back.
+//! Converts captures, maps and truths to the fields of Python classes and back.
 
 use crate::arrays::{Frames, Stack, map, map_of, vector_map, vector_map_of};
 use crate::documents::{Manifest, Rig, from_json, to_json};
@@ -94,7 +94,7 @@ fn axis<'py>(
         true => None,
         false => Some(map(py, size, axis.sampling)?),
     };
-    // Numbers of one byte, which the compiler converts in place.
+    // A verdict is one byte, so the compiler converts the vector in place.
     let verdict: Vec<u8> = axis
         .verdict
         .into_iter()

@@ -52,7 +52,7 @@ impl Scanner {
         let camera = camera.to_string_lossy().into_owned();
         let connect = move || phasmid::Scanner::connect(&camera, &control, options);
         let pool = new_pool()?;
-        // A camera that was running before is to run again.
+        // If connecting is interrupted, finish the scanner, so that a free-running camera resumes.
         let scanner = left(py, connect, |scanner| drop(scanner.finish()))?;
         Ok(Self(Shared::at_home(
             "scanner",

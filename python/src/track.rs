@@ -181,10 +181,10 @@ pub fn track(
     tracked.and(put_back(py, &pods, taken))
 }
 
-/// Puts the scanners of a call back into their pods, for the next call.
+/// Puts the pods of a call back into their Python objects, for the next call.
 fn put_back(py: Python<'_>, pods: &[Bound<'_, Pod>], taken: Vec<phasmid::Pod>) -> PyResult<()> {
     let pairs = pods.iter().zip(taken);
     let each = pairs.map(|(pod, scanner)| pod.get().0.put(py, scanner));
-    // All of them, whatever becomes of one.
+    // Put all of them back, even if one fails.
     each.fold(Ok(()), PyResult::and)
 }

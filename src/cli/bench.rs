@@ -41,7 +41,8 @@ pub struct Args {
     /// Rays per pixel: 1, 4, 16 or 64
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
-    /// Maximum number of frames per round; a round has fewer if these take more than a second
+    /// Maximum number of frames per round; a round has fewer if this many would take more than a
+    /// second
     #[arg(long, value_name = "N", default_value_t = 1000)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: u32,

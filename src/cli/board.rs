@@ -3,8 +3,8 @@
 //! The sheet lies at the top of the page. Below it is a strip with one line of text that describes
 //! the board, and a ruler to check the printer's scale. On a chessboard, the strip overlaps the
 //! sheet's own white margin as far as there is room, so the default chessboard leaves the 5 mm on
-//! all sides of A4 that printers need. Lengths are written in the shortest form that reads as the
-//! same number.
+//! all sides of A4 that printers need. Lengths are written in the shortest decimal form that parses
+//! to the same number.
 
 use super::board_args::BoardArgs;
 use glam::DVec2;
@@ -51,7 +51,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })?;
     let size = page_mm(&board);
     println!(
-        "{}: {} x {} mm; print it at 100 % scale, and measure its ruler",
+        "{}: {} x {} mm; print at 100 % scale, and check the length of the ruler",
         args.out.display(),
         size.x,
         size.y

@@ -86,7 +86,11 @@ impl BoardArgs {
             Board::Chess { .. } => {
                 for (field, given) in [("dot-mm", self.dot_mm), ("marker-mm", self.marker_mm)] {
                     if let Some(found) = given {
-                        return Err(refused(field, found, "no size of dots with a chessboard"));
+                        return Err(refused(
+                            field,
+                            found,
+                            "no dot size: a chessboard has no dots",
+                        ));
                     }
                 }
                 Board::Chess {
@@ -103,7 +107,7 @@ impl BoardArgs {
             (Err((field, _, allowed)), Ok(())) => Err(refused(
                 "scale",
                 format!("{scale:?}"),
-                format!("a factor that leaves {field} at {allowed}"),
+                format!("a factor for which {field} is {allowed}"),
             )),
             (Err((field, found, allowed)), Err(_)) => {
                 Err(refused(&field.replace('_', "-"), found, allowed))
@@ -167,14 +171,14 @@ mod tests {
             ("--board chess --rows 1", "--rows: 1; expected 2 to 199"),
             (
                 "--board chess --dot-mm 2",
-                "--dot-mm: 2; expected no size of dots with a chessboard",
+                "--dot-mm: 2; expected no dot size: a chessboard has no dots",
             ),
             ("--pitch-mm NaN", "--pitch-mm: NaN"),
             ("--scale 0", "--scale: 0"),
             ("--scale inf", "--scale: inf"),
             (
                 "--scale 1e300",
-                "--scale: 1e300; expected a factor that leaves pitch_mm at 0.001",
+                "--scale: 1e300; expected a factor for which pitch_mm is 0.001",
             ),
             ("--scale 1e-9 --board chess", "--scale: 1e-9; expected "),
             ("--scale 2 --pitch-mm 0", "--pitch-mm: 0; expected "),

@@ -191,7 +191,7 @@ fn table(report: &Report) -> String {
         );
     }
     if let Some(why) = &found.truth_to_cloud_absent {
-        out += &format!(" No truth to cloud: {why}.");
+        out += &format!(" Truth to cloud not computed: {why}.");
     }
     out.push('\n');
     if let Some(a) = &report.alignment {

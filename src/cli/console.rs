@@ -28,13 +28,13 @@ pub(super) struct Args {
     /// Camera: /dev/videoN, socket:PATH or tcp:HOST:PORT.
     #[arg(long, value_name = "ADDR", required_unless_present_any = ["run_dir", "recordings"])]
     camera: Option<String>,
-    /// Control port of the same scanner. Without one the page only shows the camera.
+    /// Control port of the same scanner. If omitted, the page only shows the camera.
     #[arg(long, value_name = "PATH", requires = "camera")]
     control: Option<PathBuf>,
     /// Run directory of an emulated device.
     #[arg(long, value_name = "DIR", conflicts_with = "camera")]
     run_dir: Option<PathBuf>,
-    /// Sequence of scans for which the page names none [default: as selected in the device]
+    /// Sequence to scan if the page selects none [default: the sequence selected on the device]
     #[arg(long, value_name = "NAME")]
     sequence: Option<String>,
     /// Manifest of the sequence, for a device that does not report it.
@@ -43,12 +43,12 @@ pub(super) struct Args {
     /// Calibration file to use instead of the device's own.
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
-    /// Dialect of the control port: a built-in name or a TOML file [default: as device.json beside the
-    /// port says, else SCPI]
+    /// Dialect of the control port: a built-in name or a TOML file [default: that of the
+    /// device.json beside the port, else SCPI]
     #[arg(long, value_name = "NAME|FILE")]
     dialect: Option<String>,
-    /// Folder of recordings, which the page can play, and into which it records and uploads. Needs no
-    /// scanner.
+    /// Folder of recordings: the page plays them, and stores new and uploaded recordings there.
+    /// Needs no scanner.
     #[arg(long, value_name = "DIR")]
     recordings: Option<PathBuf>,
     /// Port of the page on the loopback interface; 0 picks a free one.

@@ -60,7 +60,7 @@ pub(super) struct Args {
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Unwrap {
-    /// Spatially, from pixel to pixel, the most precise first
+    /// Spatially, from pixel to pixel, beginning with the most precise pixels
     Spatial,
 }
 

@@ -9,14 +9,14 @@ use std::path::Path;
 /// Treatment of the error due to held projector pixels.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 pub(super) enum HeldArg {
-    /// Neither state nor correct it
+    /// Neither report nor correct the error
     Off,
-    /// State it without changing the coordinates
+    /// Report the error without changing the coordinates
     State,
-    /// Correct each pixel using its own coordinate alone, and state what remains
+    /// Correct each pixel using its own coordinate alone, and report the remaining error
     Correct,
-    /// Correct it with the smooth surface around each pixel: far better below one projector pixel per
-    /// camera pixel, but up to half of the amplitude of ripples of 6 to 12 pixels is lost there
+    /// Correct each pixel using the smooth surface around it: far better below one projector pixel
+    /// per camera pixel, where however ripples of 6 to 12 pixels lose up to half of their amplitude
     Smooth,
 }
 
@@ -51,7 +51,7 @@ pub(super) fn doubt(
     };
     let why = why.to_string();
     if strict {
-        let expected = "pictures of this sequence in its order";
+        let expected = "images of this sequence in order";
         return Err(Error::input(place.display(), why, expected));
     }
     eprintln!("phasmid: {}: {why}", place.display());

@@ -56,8 +56,8 @@ pub struct Args {
     /// rendering a static scene once
     #[arg(long, value_name = "N", default_value_t = 4)]
     time_samples: u32,
-    /// Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
-    /// between instants instead of computed at each; 0 computes it at each
+    /// Maximum error in projector pixels, 0 to 1, of geometry that is interpolated between instants
+    /// of a moving scene; 0 computes the geometry at every instant
     #[arg(long, value_name = "PX", default_value_t = RenderOptions::default().motion_tolerance_px)]
     motion_tolerance: f64,
     /// Where the render passes run

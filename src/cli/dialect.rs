@@ -18,7 +18,7 @@ enum Action {
     /// List the built-in dialects.
     #[command(after_help = "Example:\n  phasmid dialect list")]
     List,
-    /// Print the file of a built-in dialect, as a start for your own.
+    /// Print the file of a built-in dialect, as a starting point for your own.
     #[command(after_help = "Example:\n  phasmid dialect show okline > own.toml")]
     Show {
         /// Built-in name.

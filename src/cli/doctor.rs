@@ -1,4 +1,4 @@
-//! `phasmid doctor`: reports what this machine has and lacks.
+//! `phasmid doctor`: reports which requirements of Phasmid this machine meets.
 
 use crate::doctor::{
     Feature, MODPROBE, MODULES_LOAD, Machine, Shipped, UDEV, User, examine, is_forgotten,
@@ -8,7 +8,7 @@ use rustix::fs::{Access, AtFlags, CWD};
 use std::io;
 use std::path::Path;
 
-/// Report what this machine has and lacks, and the command that fixes each lack
+/// Report which requirements this machine meets, and the command that fixes each unmet one
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  phasmid doctor --need v4l2")]
 pub struct Args {

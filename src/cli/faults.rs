@@ -118,24 +118,30 @@ fn list() {
     for (name, about) in [
         (
             "frames",
-            "\"triggered\" (when absent), \"free\" or \"all\": which frames count",
+            "frames to count: \"triggered\" (when absent), \"free\" or \"all\"",
         ),
         (
             "command",
-            "text in the command that a message is or answers, or in the last one before a frame",
+            "text in the message, in the command it answers, or in the last command before a frame",
         ),
         ("window_s", "[from, until], seconds of device time"),
-        ("nth", "the nth of those that match so far, from 1"),
-        ("every", "every n-th of them; with nth, from that one on"),
+        (
+            "nth",
+            "the nth frame or message that meets the conditions above, from 1",
+        ),
+        (
+            "every",
+            "every nth such frame or message; with nth, beginning at that one",
+        ),
         (
             "probability",
-            "0 to 1, of each that remains, drawn with the schedule's seed",
+            "0 to 1, for each remaining frame or message; drawn from the schedule's seed",
         ),
     ] {
         println!("  {name:<16}{about}");
     }
     println!(
-        "on = \"camera\" or \"port\" (see above), device = NAME (which device), times = N (at most)"
+        "on = \"camera\" or \"port\" (see above), device = NAME (only this device), times = N (at most)"
     );
 }
 

@@ -60,7 +60,7 @@ pub(super) fn check() -> Result<()> {
     }
 }
 
-/// Waits until another thread has computed a result, or until a signal comes.
+/// Waits until another thread has computed a result or a signal arrives.
 ///
 /// # Errors
 /// Returns the error of the work, or [`Error::Interrupted`].
@@ -325,8 +325,8 @@ fn unwritable(option: &str, out: &Path, why: Error) -> Error {
     match why {
         Error::Io { source, .. } if source.kind() != ErrorKind::StorageFull => Error::input(
             format!("{option} {}", out.display()),
-            format!("cannot create files in it: {source}"),
-            "a folder that you may write to, or a path where one can be made",
+            format!("cannot create files in this folder: {source}"),
+            "a writable folder, or a path where one can be created",
         ),
         why => why.at(option),
     }
@@ -374,7 +374,7 @@ mod tests {
         let refused = Unfinished::create("--out", out, false).err().unwrap();
         assert_eq!(refused.exit_code(), 2);
         let words = refused.to_string();
-        let start = "--out /proc/phasmid/out: cannot create files in it: ";
+        let start = "--out /proc/phasmid/out: cannot create files in this folder: ";
         assert!(words.starts_with(start), "{words}");
     }
 }

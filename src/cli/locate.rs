@@ -23,8 +23,8 @@ use std::time::Duration;
 const MOST_WHITENED: f64 = 1.5;
 
 /// Maximum distance (mm) and angle (degrees) between a pod's measured pose and its pose in the
-/// station file. Larger values mean that another pod was measured, or that the board is not where
-/// it was stated to be.
+/// station file. Larger values mean that another pod was measured, or that the board is not at its
+/// stated position.
 const FAR_MM: f64 = 50.0;
 const FAR_DEG: f64 = 5.0;
 
@@ -169,8 +169,8 @@ struct Located {
     deviation_mm: f64,
     /// Standard deviation of the board's orientation, in degrees.
     deviation_deg: f64,
-    /// Distance in mm, and angle in degrees, between two poses of the board in the room: measured,
-    /// using the pod's pose in the given station file, and as stated by the user.
+    /// Distance in mm, and angle in degrees, between the measured pose of the board in the room,
+    /// using the pod's pose in the given station file, and the pose that the user states.
     off_mm: f64,
     off_deg: f64,
 }
@@ -242,14 +242,14 @@ fn warnings(all: &[Located]) -> Vec<String> {
         loose_pods += 1;
         warnings.push(format!(
             "{}: the residuals of the board's points are {:.1} times their noise in the {what}'s image \
-             (RMS {:.3} px), and the deviations below treat that as noise",
+             (RMS {:.3} px), and the standard deviations below treat them as noise",
             located.name, group.whitened_rms, group.rms_px
         ));
     }
     match loose_pods {
         0 => {}
         n if n == all.len() && n > 1 => warnings.push(
-            "this holds for all pods: the board does not have the given size, or is not flat".to_owned(),
+            "all pods have large residuals: the board does not have the given size, or is not flat".to_owned(),
         ),
         _ => warnings.push(
             "the pod's calibration is wrong or out of date, or the board does not have the given size"
@@ -345,10 +345,7 @@ fn write_station(station: &Station, path: &Path, force: bool) -> Result<()> {
     }
     let text = toml::to_string(&whole).expect("numbers and words");
     new_file::write(path, force, |out| {
-        write!(
-            out,
-            "# Places as `phasmid locate` has measured them.\n\n{text}"
-        )
+        write!(out, "# Poses measured by `phasmid locate`.\n\n{text}")
     })
 }
 

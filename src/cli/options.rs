@@ -95,7 +95,7 @@ impl SetArgs {
 pub(super) enum BackendArg {
     /// The CPU; equal seeds give equal bytes on every machine
     Cpu,
-    /// A Vulkan adapter, a software one if there is no other; fails without one
+    /// A Vulkan adapter, preferably a hardware adapter; fails if there is none
     Gpu,
     /// A hardware Vulkan adapter if there is one that can hold the scene, else the CPU
     Auto,

@@ -68,7 +68,7 @@ impl PodArgs {
             Configuration::Device(_) => Err(Error::input(
                 format!("--station {}", self.station),
                 "a device",
-                "a station, which says where its devices stand",
+                "a station, which states the poses of its devices",
             )),
         }
     }
@@ -97,8 +97,8 @@ impl PodArgs {
             if let Some(first) = addresses[..i].iter().find(|first| first.shares(address)) {
                 return Err(Error::input(
                     "--device",
-                    format!("{} and {} by the same port", first.name, address.name),
-                    "ports of its own for each pod",
+                    format!("{} and {} use the same port", first.name, address.name),
+                    "separate ports for each pod",
                 ));
             }
         }
@@ -162,7 +162,7 @@ impl Address {
     /// Parses the ports of a device, `NAME=CAMERA,CONTROL`.
     ///
     /// # Errors
-    /// Returns an error if the text has another form, or the station has no device with this name.
+    /// Returns an error if the text is malformed, or the station has no device with this name.
     fn of_ports(text: &str, station: &Station) -> Result<Self> {
         let place = || format!("--device {text}");
         let parts = text.split_once('=').and_then(|(name, ports)| {
@@ -212,7 +212,7 @@ impl Address {
         })
     }
 
-    /// Opens the ports of a pod that is to track.
+    /// Opens the ports of a pod for tracking.
     ///
     /// # Errors
     /// Returns an error if the device cannot be reached.

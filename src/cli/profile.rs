@@ -14,8 +14,8 @@ use std::path::Path;
 
 /// Range of depths in which a point that lies in both fields of view is searched.
 const FIELDS_MM: [f64; 2] = [10.0, 1e6];
-/// Number of camera rays per row and per column of a grid over the image; along these rays, points
-/// in both fields of view are searched.
+/// Number of camera rays per row and per column of a grid over the image; points in both fields of
+/// view are searched along these rays.
 const FIELD_RAYS: u32 = 17;
 /// Ratio of successive depths that are tried along a ray.
 const FIELD_STEP: f64 = 1.02;
@@ -32,12 +32,13 @@ enum Action {
     /// List the built-in profiles and stations.
     #[command(after_help = "Example:\n  phasmid profile list")]
     List,
-    /// Print a profile or station, as a start for your own.
+    /// Print a profile or station, as a starting point for your own.
     #[command(after_help = "Example:\n  phasmid profile show webcam-grey > mine.toml")]
     Show {
         /// Built-in name, or path of a TOML file.
         name: String,
-        /// Print it with all that it extends, without comments; --set implies it.
+        /// Merge the documents that it extends, and print the result without comments; implied by
+        /// --set.
         #[arg(long)]
         full: bool,
         #[command(flatten)]
@@ -124,7 +125,7 @@ fn check_station(file: &str, station: &Station, settings: &Settings) -> Result<(
     println!("  name        {}", station.name);
     println!(
         "  scene       {}",
-        scene.as_deref().unwrap_or("of the command line")
+        scene.as_deref().unwrap_or("given on the command line")
     );
     for (device, profile) in station.device.iter().zip(&profiles) {
         let place = match device.rig() {
@@ -132,7 +133,7 @@ fn check_station(file: &str, station: &Station, settings: &Settings) -> Result<(
                 "at {:?} mm, turned {:?} degrees",
                 rig.position_mm, rig.rotation_deg
             ),
-            None => "where the scene says".to_owned(),
+            None => "at the pose of the scene's rig".to_owned(),
         };
         println!(
             "  device      {}: {}, {place}, {}",
@@ -236,7 +237,7 @@ fn describe(profile: &Profile) {
     }
     if let Some(timing) = &projector.timing {
         println!(
-            "  timing      steps of {} us, exposures from {} us ({} bits), {} us shorter than the period or as long",
+            "  timing      steps of {} us, exposures from {} us ({} bits), as long as the period or at least {} us shorter",
             timing.resolution_us,
             timing.min_exposure_us[projector.bits as usize - 1],
             projector.bits,

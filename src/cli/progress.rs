@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 const ACTIVITY: &str = "{spinner} {prefix} {elapsed} {wide_msg}";
 /// Template of the progress line of an activity that consists of counted steps.
 const STEPS: &str = "{prefix} [{bar:20}] {pos}/{len}{left} {wide_msg}";
-/// Interval at which the times in a line are updated if nothing else changes.
+/// Interval at which the times in a progress line are updated if nothing else changes.
 const TICK: Duration = Duration::from_millis(200);
 
 /// The progress line that is on the terminal, if any.

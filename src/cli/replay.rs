@@ -14,8 +14,8 @@ use std::time::Instant;
 
 /// Serve a recording: a device that behaves as recorded, until Ctrl-C or TERM.
 ///
-/// Exit status 0 if clients sent exactly what was recorded; 1 if a client departed from the recording
-/// (reported at once, with the place) or did not send all of it.
+/// Exit status 0 if clients sent exactly what was recorded; 1 if a client sent something else
+/// (reported at once, with its position in the recording) or not everything.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  phasmid replay day.rec --run-dir replay-run")]
 pub(super) struct Args {
@@ -42,7 +42,7 @@ pub(super) struct Args {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Pace {
-    /// As long after the client's message as in the recording.
+    /// With the recorded delay after the client's message.
     Real,
     /// At once.
     Fast,
@@ -124,7 +124,7 @@ fn about<R: std::io::Read>(reader: &mut Reader<R>, path: &Path) -> Result<About>
     let found = match reader.read() {
         Ok(Some(record)) => match record.event {
             Event::About(about) => return Ok(about),
-            _ => "something else in the first record".to_owned(),
+            _ => "a first record of another kind".to_owned(),
         },
         Ok(None) => "a recording without records".to_owned(),
         Err(damage) => damage.to_string(),

@@ -151,7 +151,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if args.device.is_none() && args.control.is_none() && args.manifest.is_none() {
         return Err(Error::input(
             "--control",
-            "neither it nor --manifest is given",
+            "neither this option nor --manifest is given",
             "--control PATH for a triggered device, or --manifest FILE for a free-running camera",
         ));
     }
@@ -427,7 +427,7 @@ pub(super) fn blame_dialect(why: Error, profile: &str) -> Error {
             Error::input(
                 format!("profile {profile}: dialect"),
                 found,
-                "a dialect with select and manifest in its [host]",
+                "a dialect with select and manifest in its section [host]",
             )
         }
         why => why,
@@ -471,7 +471,7 @@ fn show(
             line.show(done, of);
             on_frame();
         }
-        Progress::Retry(why) => eprintln!("phasmid: {why}; once more"),
+        Progress::Retry(why) => eprintln!("phasmid: {why}; scanning again"),
         Progress::Waiting => {}
     }
     flow()

@@ -17,12 +17,13 @@ enum Action {
     /// List the built-in scenes.
     #[command(after_help = "Example:\n  phasmid scene list")]
     List,
-    /// Print a scene, as a start for your own.
+    /// Print a scene, as a starting point for your own.
     #[command(after_help = "Example:\n  phasmid scene show sphere > mine.toml")]
     Show {
         /// Built-in name, or path of a TOML file.
         name: String,
-        /// Print it with all that it extends, without comments; --set implies it.
+        /// Merge the documents that it extends, and print the result without comments; implied by
+        /// --set.
         #[arg(long)]
         full: bool,
         #[command(flatten)]

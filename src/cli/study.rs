@@ -40,7 +40,7 @@ pub struct Args {
     /// --join makes the report of all
     #[arg(long, value_name = "I/N", requires = "name", conflicts_with = "join")]
     shard: Option<Shard>,
-    /// Take over the rows of these folders of shards before the remaining trials run
+    /// Read the rows of these shards' folders before running the remaining trials
     #[arg(long, value_name = "DIR", requires = "name", num_args = 1..)]
     join: Vec<PathBuf>,
 }

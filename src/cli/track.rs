@@ -116,7 +116,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     });
     drop(line);
     if let Some(scan) = on.filter(|_| matches!(reported, Err(Error::Interrupted))) {
-        // A signal ended the scans while the beam was on, so add a line which states that the beam
+        // If a signal ended the scans while the beam was on, add a line that states that the beam
         // is held.
         let held = table.silent(scan, &Beam::Held(Reason::Stale));
         reported = held.and(reported);

@@ -53,7 +53,7 @@ impl Access {
         format!("http://127.0.0.1:{}/?token={}", self.port, token.trim_end())
     }
 
-    /// Returns the token that lets others watch.
+    /// Returns the token with which other people can watch.
     pub(crate) fn view_token(&self) -> String {
         self.view.to_line().trim_end().to_owned()
     }

@@ -53,7 +53,7 @@ impl Listener for Connections {
     }
 }
 
-/// A connection, which occupies one of the places until it is dropped.
+/// A connection, which counts towards the limit until it is dropped.
 pub(crate) struct Connection {
     stream: TcpStream,
     _place: Option<OwnedSemaphorePermit>,

@@ -74,7 +74,7 @@ struct Source {
     /// Number of restarts.
     era: u64,
     recording: Option<Recording>,
-    /// Reason why the last recording ended, if no viewer asked to end it.
+    /// Reason why the last recording ended, unless a viewer ended it.
     cut: Option<String>,
     /// Number of programs that are known to read the camera.
     readers: u64,
@@ -124,7 +124,7 @@ pub(crate) struct Standing {
     pub(crate) era: u64,
     /// Name of the recording that is being made.
     pub(crate) recording: Option<String>,
-    /// Reason why the last recording ended, if no viewer asked to end it.
+    /// Reason why the last recording ended, unless a viewer ended it.
     pub(crate) cut: Option<String>,
 }
 
@@ -146,7 +146,7 @@ fn is_camera(channel: Channel) -> bool {
 /// The sources and the viewers.
 pub(crate) struct Hub {
     state: Mutex<State>,
-    /// Number of changes, by which viewers are notified.
+    /// Number of changes so far; viewers are notified when it increases.
     news: watch::Sender<u64>,
     /// Folder of recordings.
     recordings: Option<PathBuf>,
@@ -339,13 +339,13 @@ impl Hub {
         Ok(json!({ "name": name }))
     }
 
-    /// Notes why the recording of a source has ended although no viewer asked for it.
+    /// Stores the reason why the recording of a source ended without a request by a viewer.
     fn cut(&self, source: usize, why: &str) {
         self.state().sources[source].cut = Some(why.to_owned());
         self.tell();
     }
 
-    /// Ends all recordings, and drops the operators, which may hold a reference to this hub.
+    /// Ends all recordings, and drops the operators, because they may hold a reference to this hub.
     pub(crate) fn close(&self) {
         let mut state = self.state();
         let sources = state.sources.iter_mut();
@@ -579,7 +579,7 @@ impl Seat {
         newer(&self.hub.state().sources.get(source)?.sequence, number)
     }
 
-    /// Returns the measurement of a source if its number is greater than `number`.
+    /// Returns the latest measurement of a source if it is newer than measurement `number`.
     pub(crate) fn newer_measurement(
         &self,
         source: usize,
@@ -588,7 +588,7 @@ impl Seat {
         newer(&self.hub.state().sources.get(source)?.measurement, number)
     }
 
-    /// Returns the events of a source with numbers greater than `number`.
+    /// Returns the events of a source that are newer than event `number`.
     pub(crate) fn traffic(&self, source: usize, number: u64) -> Vec<Entry> {
         let state = self.hub.state();
         let source = state.sources.get(source);
@@ -650,7 +650,9 @@ impl Operator for Records {
     fn answer(&self, request: &Request) -> Result<Value> {
         match request {
             Request::Record(on) => self.hub.record(self.source, *on),
-            _ => Err(Error::device("a recording is started or ended here")),
+            _ => Err(Error::device(
+                "only requests to start or end a recording are answered here",
+            )),
         }
     }
 }

@@ -61,7 +61,8 @@ use tokio::sync::oneshot;
 pub struct ConsoleOptions {
     /// Port of the loopback interface; 0 picks a free port.
     pub port: u16,
-    /// Folder for recordings and uploads of viewers; without a folder, they can do neither.
+    /// Folder for recordings and uploads of viewers; without it, viewers can neither record nor
+    /// upload.
     pub recordings: Option<PathBuf>,
 }
 
@@ -162,7 +163,7 @@ impl Source {
 
     /// Forgets everything that this source has shown, for example at the start of another
     /// recording. Set `device_times` if the times of the following events are on the device's
-    /// clock, like the exposure times; only then are latencies shown.
+    /// clock, like the exposure times; latencies are shown only in that case.
     pub fn restart(&self, device_times: bool) {
         self.hub.restart(self.index, device_times);
     }

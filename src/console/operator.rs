@@ -5,7 +5,7 @@ use phasmid_geometry::Board;
 use serde::Deserialize;
 use serde_json::Value;
 
-/// Items of the device's state that every viewer may ask for. The truth is not among them, because
+/// Items of the device's state that every viewer may request. The ground truth is excluded, because
 /// computing it delays the device's frames.
 const STATE: [&str; 8] = [
     "calibration",
@@ -130,7 +130,7 @@ pub trait Operator: Send + Sync {
     /// `playback`, `scan`, `service`.
     fn answers(&self) -> &'static [&'static str];
 
-    /// Answers a request. This may take long; other requests may come meanwhile.
+    /// Answers a request. This may take a long time, during which other requests may arrive.
     ///
     /// # Errors
     /// Returns an error for the viewer.

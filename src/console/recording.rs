@@ -35,7 +35,7 @@ impl Recording {
         let free = { names }.find(|name| folder.join(name).symlink_metadata().is_err());
         let name = free.ok_or_else(|| {
             let found = format!("{LAST} recordings");
-            Error::input(folder.display(), found, "room for one more")
+            Error::input(folder.display(), found, "fewer recordings in this folder")
         })?;
         let file = new_file::stream(&folder.join(&name), false)?;
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
@@ -76,7 +76,7 @@ impl Recording {
         self.recorder.put(time_ns, channel, event.clone());
     }
 
-    /// Notes the sequence of the frames that follow.
+    /// Records a note of the sequence to which the following frames belong.
     pub(crate) fn note(&self, time_ns: u64, sequence: &Sequence) {
         let note = Event::Note(sequence.to_note());
         self.put(time_ns, Channel::Recording, &note);

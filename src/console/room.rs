@@ -61,7 +61,7 @@ pub struct RoomRow {
     pub points: Vec<usize>,
     /// Fraction of the tracked skin that each pod sees.
     pub coverage: Vec<f64>,
-    /// Fraction of the tracked skin that all pods together see, as the motion model counts it.
+    /// Fraction of the tracked skin that all pods together see, as computed by the motion model.
     pub covered: Option<f64>,
     /// Time from the arrival of the last frame to the result, in milliseconds.
     pub latency_ms: Option<f64>,

@@ -7,9 +7,10 @@ use std::collections::VecDeque;
 
 /// Maximum number of events that are kept, not counting free-running frames.
 const MAX_EVENTS: usize = 2000;
-/// Maximum number of free-running frames, kept apart because they would push out all other events.
+/// Maximum number of free-running frames that are kept. They are stored separately, because
+/// otherwise they would displace all other events.
 const MAX_FREE: usize = 300;
-/// Maximum number of bytes of a message that are shown.
+/// Maximum number of bytes shown per message.
 const MAX_BYTES: usize = 400;
 
 /// An event.

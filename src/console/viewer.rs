@@ -14,9 +14,9 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 use tokio::task::{JoinHandle, JoinSet};
 
-/// Maximum number of frames that are sent and not drawn yet.
+/// Maximum number of frames that have been sent but not drawn yet.
 const MAX_AHEAD: usize = 2;
-/// Number of recent frames whose median delay is reported.
+/// Number of recent frames over which the reported median delay is computed.
 const DELAYS: usize = 60;
 /// Maximum time for the browser to accept a message.
 const STALL: Duration = Duration::from_secs(30);
@@ -41,7 +41,7 @@ struct Viewer {
     source: usize,
     /// Number of the last frame that was sent.
     sent: u64,
-    /// Frames that have been sent and not drawn: their numbers and arrival.
+    /// Numbers and arrival times of the frames that have been sent but not drawn yet.
     ahead: VecDeque<(u64, Instant)>,
     /// Number of the last sequence that was sent.
     sequence: u64,
@@ -55,7 +55,7 @@ struct Viewer {
     measured: u64,
     /// Messages of a measurement that are being computed.
     work: Option<Work>,
-    /// Number of the measurement or of the results that were sent and that the page has not drawn
+    /// Number of the measurement or results that have been sent but that the page has not drawn
     /// yet.
     unseen: Option<u64>,
     /// Number of the last event that was sent; `None` if the page does not show events.

@@ -67,7 +67,8 @@ fn show(
         .filter(|name| known(name))
         .take(MAX_LAYERS)
         .collect();
-    // The layer may have been chosen for another scanner: show the depth if it does not exist here.
+    // The layer may have been chosen for another scanner. If this measurement lacks it, show the
+    // depth.
     let cloud = { wanted.cloud.as_ref() }.filter(|_| about.cloud);
     let cloud = cloud.map(|name| if known(name) { name } else { "depth" });
     let told = Told::Measurement {

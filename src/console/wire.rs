@@ -33,7 +33,7 @@ pub(crate) enum Told<'a> {
         width: u32,
         height: u32,
         format: &'static str,
-        /// Bits of a pixel in the payload.
+        /// Bits per pixel in the payload.
         bits: u32,
         /// Largest pixel value of the camera's format.
         white: u16,

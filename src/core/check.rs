@@ -61,8 +61,8 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// Checks a part of the document whose violations do not affect other checks; returns whether the
-    /// part has no violation. Once 200 violations have been found, no further part is checked.
+    /// Checks a part of the document whose violations do not affect other checks. Returns `true` if
+    /// the part has no violation. After 200 violations, further parts are not checked.
     pub fn section(&self, check: impl FnOnce(&Self) -> Result<()>) -> bool {
         if self.inside.borrow().len() >= MAX_COUNTED {
             return false;

@@ -18,8 +18,8 @@ use toml::de::DeValue;
 pub(crate) struct Fault {
     pub message: String,
     span: Option<Range<usize>>,
-    /// Whether the error concerns a list as a whole. Then `span` is the list's position; for a list
-    /// of `[[tables]]`, that of its first element.
+    /// Whether the error concerns a list as a whole. If so, `span` is the list's position, or, for
+    /// a list of `[[tables]]`, the position of its first element.
     pub is_of_list: bool,
 }
 

@@ -123,7 +123,7 @@ impl Error {
     }
 
     /// Returns the same error with `outer` prepended to its location. A missing file becomes a user
-    /// mistake, because the user's input at `outer` named it.
+    /// mistake, because the user named the file at `outer`.
     #[must_use]
     pub fn at(self, outer: impl Display) -> Self {
         match self {
@@ -137,7 +137,7 @@ impl Error {
                 expected,
             },
             Self::Io { place, source } if source.kind() == std::io::ErrorKind::NotFound => {
-                Self::input(format!("{outer}: {place}"), source, "a file that is there")
+                Self::input(format!("{outer}: {place}"), source, "an existing file")
             }
             Self::Io { place, source } => Self::Io {
                 place: format!("{outer}: {place}"),

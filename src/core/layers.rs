@@ -299,7 +299,8 @@ fn differ_in_kind(lower: &DeTable<'_>, upper: &DeTable<'_>) -> bool {
 }
 
 /// Prepends a folder to relative paths: to every value of the keys `file` and `texture`, and to the
-/// names of patients, dialects, scenes and profiles that end with `.toml`. Other names are built in.
+/// names of patients, dialects, scenes and profiles that end with `.toml`. Any other name denotes a
+/// built-in document.
 fn relocate(table: &mut DeTable<'_>, folder: &str) {
     for (key, value) in table {
         let is_file = matches!(key.get_ref().as_ref(), "file" | "texture");

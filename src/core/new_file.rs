@@ -23,7 +23,7 @@ const RANDOM: usize = 6;
 /// not a regular file, or if its folder does not exist.
 pub fn check(path: &Path, force: bool) -> Result<()> {
     let refuse = |found, allowed| Err(Error::input(path.display(), found, allowed));
-    // Never replace a device or pipe, nor a link to one such as /dev/stdout.
+    // Never replace a device or a pipe, nor a link to a device or pipe, such as /dev/stdout.
     if path.metadata().is_ok_and(|about| !about.is_file()) {
         return refuse("not a regular file", "a file, not a folder, pipe or device");
     }
@@ -61,7 +61,7 @@ pub fn check_folder(
             true => "a file".to_owned(),
             false => format!("{}, a file", path.display()),
         };
-        let allowed = "a folder, or a path where one can be made";
+        let allowed = "a folder, or a path where one can be created";
         return Err(Error::input(place(), found, allowed));
     }
     for name in names {
@@ -110,8 +110,8 @@ impl NewFile {
     /// Renames the completed file to its final name.
     ///
     /// # Errors
-    /// Returns an error if the file has been created by someone else meanwhile and `force` is not
-    /// set, or if writing or renaming fails.
+    /// Returns an error if another program has created the file meanwhile and `force` is not set,
+    /// or if writing or renaming fails.
     pub fn finish(mut self) -> Result<()> {
         let path = &self.path;
         self.writer.flush().map_err(|e| Error::io(path, e))?;

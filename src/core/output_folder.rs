@@ -124,7 +124,8 @@ impl OutputFolder {
         let mut moves = Vec::new();
         let moved = self.put_all(files, gone, &mut moves);
         if moved.is_err() {
-            // Undo the moves. Ignore errors of this; the error that stopped the moves is returned.
+            // Undo the moves. Ignore errors of undoing; the error that stopped the moves is
+            // returned.
             for (from, to) in moves.iter().rev() {
                 let _ = fs::rename(to, from);
             }

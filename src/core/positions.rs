@@ -5,8 +5,8 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Positions of a value and of the values in it. `key` is the position of the value's key; for an
-/// element of a list, that of the element.
+/// Positions of a value and of the values in it. `key` is the position of the value's key, or, for
+/// an element of a list, of the element itself.
 pub(crate) struct Positions {
     key: Range<usize>,
     span: Range<usize>,

@@ -8,8 +8,8 @@ use std::str::FromStr;
 /// and dropped.
 const MAX_STEPS: usize = 64;
 
-/// A value for a field of a document, such as `camera.sensor.read_noise_e=5`: the path of the field and
-/// a TOML value; a text that is not valid TOML counts as a string.
+/// A value for a field of a document, such as `camera.sensor.read_noise_e=5`: the path of the field
+/// and a TOML value; a text that is not valid TOML is taken as a string.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Setting {
     pub(crate) path: String,

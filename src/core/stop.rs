@@ -45,7 +45,7 @@ impl Stop {
     /// Returns an error if the calls have been asked to end.
     ///
     /// # Errors
-    /// Returns [`Error::Interrupted`] if so.
+    /// Returns [`Error::Interrupted`] if the calls have been asked to end.
     pub fn check(&self) -> Result<()> {
         match self.is_asked() {
             true => Err(Error::Interrupted),

@@ -5,8 +5,8 @@
 const SIMILAR: f64 = 0.8;
 
 /// Splits a message of a serde deserialiser into what was found and what was expected. A misspelt
-/// field or variant comes with the nearest valid name. If the message does not say what was
-/// expected, `otherwise` is returned for that.
+/// field or variant comes with the nearest valid name. If the message does not state what was
+/// expected, `otherwise` is returned in its place.
 pub fn found_and_expected(message: &str, otherwise: &str) -> (String, String) {
     let message = message.trim_end().replace('\n', " ");
     if let Some(found) = message.strip_suffix(", there are no fields") {

@@ -40,7 +40,7 @@ pub(super) struct GrayFrame {
 /// The finest complete code that the frames contain for an axis.
 pub(super) struct Found {
     pub(super) code: Option<GrayCode>,
-    /// The missing bit that makes the finest cells unusable, worded for a message.
+    /// Name of the missing bit that makes the finest cells unusable, for messages.
     pub(super) missing: Option<String>,
 }
 

@@ -60,8 +60,8 @@ impl Ensemble {
             .found(f32::INFINITY)
     }
 
-    /// [`Self::best`], limited to candidates within a reach of each set's positions, if no other
-    /// candidate can change the result.
+    /// Searches like [`Self::best`], but only among candidates within a reach of each set's
+    /// positions; `None` if this may give another result than [`Self::best`].
     #[inline(always)]
     fn within(
         &self,

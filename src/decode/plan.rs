@@ -1,4 +1,4 @@
-//! How a sequence can be decoded, axis by axis, or what it lacks.
+//! Plans how to decode a sequence, axis by axis, or reports what the sequence lacks.
 //!
 //! Collects the fringes and Gray bits of each axis from a sequence in any order, then decides how the
 //! fringe order is determined.
@@ -46,7 +46,7 @@ pub struct AxisPlan {
     pub gray: Option<GrayCode>,
     /// How the fringe order is determined.
     pub order: Order,
-    /// Threshold of each Gray bit.
+    /// Threshold of each Gray bit, in the order of the code's bits.
     pub(super) thresholds: Vec<Threshold>,
 }
 

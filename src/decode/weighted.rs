@@ -1,14 +1,15 @@
 //! Phases weighted by shot noise: samples in a fringe's dark part are more precise than those in its
 //! bright part, which least squares over equal steps ignores.
 //!
-//! The samples at psi_i = phi + theta_i have the variance v (1 + m cos psi_i), with m = gain B / v
-//! and v the variance at the mean. Let U_k be the sum over the samples of sin(k psi_i) I_i; the error
-//! of the least-squares phase is -2 / (N B) U_1. The noise correlates neighbouring U_k: their
-//! covariances are N v / 2 times 1 for k with itself and m / 2 for k and k + 1. U_2 and U_3 contain
-//! no fringe, so they measure noise, and the part of it that is correlated with U_1 is subtracted
-//! from the phase (Rao, "Least squares theory using an estimated dispersion matrix", Proc. 5th
-//! Berkeley Symposium 1, 1967: weighted least squares equals unweighted least squares minus its
-//! regression on the residuals).
+//! Let sample i of N have the phase psi_i = phi + theta_i, where phi is the fringe phase and theta_i
+//! the shift of the step, and let B be the modulation. The variance of the sample is
+//! v (1 + m cos psi_i), where v is the variance at the mean intensity and m = gain B / v.
+//! Let U_k be the sum over the samples of sin(k psi_i) I_i. The error of the least-squares phase is
+//! -2 U_1 / (N B). Each U_k has the variance N v / 2, and U_k and U_(k + 1) have the covariance
+//! N v m / 4. U_2 and U_3 contain only noise, because the fringe does not contribute to them. This
+//! module subtracts from the phase the part of the noise that they predict (Rao, "Least squares
+//! theory using an estimated dispersion matrix", Proc. 5th Berkeley Symposium 1, 1967: weighted least
+//! squares equals unweighted least squares minus its regression on the residuals).
 //!
 //! With t = m / 2, the variance is multiplied by 1 - t^2 with U_2 alone, and by 1 - t^2 / (1 - t^2) with
 //! U_2 and U_3. All harmonics reach the Cramer-Rao bound, (1 + sqrt(1 - m^2)) / 2; at m = 0.85 with U_2

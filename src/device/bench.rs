@@ -1,7 +1,7 @@
 //! A whole device in memory: firmware, optics and a virtual clock, stepped by function calls. It
-//! does the same as `phasmid serve`, without ports and sockets. Device time is in integer
-//! nanoseconds since power-on. The device never reads a wall clock: a bench passes it the time of a
-//! virtual clock, a server the time of its timeline.
+//! behaves like `phasmid serve`, but has no ports or sockets. Device time is in integer nanoseconds
+//! since power-on. The device never reads a wall clock: a bench passes it the time of a virtual
+//! clock, a server the time of its timeline.
 
 use super::{Device, Firmware, FrameSink, Machine, State};
 use std::sync::Arc;

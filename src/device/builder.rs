@@ -121,7 +121,7 @@ impl<'a> DeviceBuilder<'a> {
     ///
     /// # Errors
     /// Returns an error if the profile, a sequence, the dialect or a fault is invalid, if the scene
-    /// cannot be rendered, or if another thread makes the request of [`Self::stop`].
+    /// cannot be rendered, or if another thread requests a stop through [`Self::stop`].
     pub fn build(self) -> Result<Device> {
         let profile = self.profile;
         let firmware = Firmware::new(profile, &self.sequences)?;

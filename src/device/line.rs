@@ -5,10 +5,10 @@
 use phasmid_profile::Control;
 use std::collections::VecDeque;
 
-/// Number of bytes in transit to the device from which on a sender must wait: the buffer size of a
-/// UART driver.
+/// Number of bytes in transit to the device at which senders must start to wait: the buffer size of
+/// a UART driver.
 const CROWDED_TO_DEVICE: usize = 1 << 10;
-/// Number of bytes in transit to the client from which on the device stops reading.
+/// Number of bytes in transit to the client at which the device stops reading.
 const CROWDED_TO_HOST: usize = 64 << 10;
 /// Maximum number of bytes in transit to the client; a message beyond it is lost.
 const MAX_TO_HOST: usize = 1 << 20;

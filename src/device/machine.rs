@@ -126,7 +126,7 @@ impl Machine {
             Incoming::Bytes(bytes) => self.port.receive(&bytes, &mut self.firmware, now_ns),
             Incoming::Refused(reply) if reply.is_empty() => self.firmware.input_lost(),
             Incoming::Refused(reply) => {
-                // The refusal follows the answers to earlier input.
+                // Queue the refusal behind the answers to earlier input.
                 self.collect(now_ns);
                 if !self.line.send(&reply, now_ns) {
                     self.firmware.reply_lost();

@@ -1,4 +1,5 @@
-//! Reports what a machine has and lacks for Phasmid, and the command that fixes each lack.
+//! Reports which requirements of Phasmid a machine meets, and the command that fixes each unmet
+//! one.
 //!
 //! Everything is read from files in `/sys`, `/proc`, `/etc` and `/dev`. The only devices opened are
 //! `/dev/ptmx` and the v4l2loopback nodes that are labelled for Phasmid, so a check does not disturb

@@ -83,7 +83,7 @@ fn render_nodes(machine: &Machine) -> Vec<Check> {
                 Err(e) => Check::ok(
                     "adapter",
                     Feature::Vulkan,
-                    format!("{shown}: {e}; join the group and log in anew"),
+                    format!("{shown}: {e}; join the group and log in again"),
                 )
                 .but(
                     Status::Note,

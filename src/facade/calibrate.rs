@@ -20,7 +20,7 @@ pub fn calibrate(captures: &[Capture], board: &Board, choice: Choice) -> Result<
     calibrate_with_stop(captures, board, choice, &Stop::default())
 }
 
-/// [`calibrate`], which another thread can end early.
+/// Calibrates like [`calibrate`]; another thread can end the calculation early.
 ///
 /// ```
 /// use phasmid::calibrate::solve::Choice;

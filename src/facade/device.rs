@@ -17,7 +17,8 @@ use phasmid_study::desk::{Desk, Link};
 use std::fmt;
 use std::time::Duration;
 
-/// Maximum device time to wait for a reply or a frame. It passes without waiting in real time.
+/// Maximum device time to wait for a reply or a frame. The device's clock does not wait in real
+/// time.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// An emulated scanner in memory, without sockets, processes or threads of its own. It has its own
@@ -97,8 +98,9 @@ impl Device {
         self.scan_with(sequence, |_| ())
     }
 
-    /// [`Self::scan`], and reports the progress. `progress` may return `ControlFlow::Break(())` to end
-    /// the scan between two frames; [`Self::stop`] ends it even during a frame.
+    /// Scans as [`Self::scan`] does, and reports the progress. `progress` may return
+    /// `ControlFlow::Break(())` to end the scan between two frames; [`Self::stop`] ends it even
+    /// during a frame.
     ///
     /// # Errors
     /// Returns [`Error::Interrupted`] if the scan was ended, and the errors of [`Self::scan`].

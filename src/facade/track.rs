@@ -144,10 +144,10 @@ type Watch<'a> = dyn FnMut(TrackProgress<'_>) -> ControlFlow<()> + 'a;
 /// position, head first and supine. Coordinates are millimetres in the room frame: the fixed frame of
 /// IEC 61217 with its origin at the isocentre.
 ///
-/// `progress` receives every result on the calling thread. It may return `ControlFlow::Break(())` to
-/// end tracking, which then succeeds. The call ends within 0.2 s, or when a port that is being asked
-/// has replied or reached its time-out. The pods can be used for another call; [`Pod::finish`] closes
-/// their ports.
+/// `progress` receives every result on the calling thread. It may return `ControlFlow::Break(())`
+/// to end tracking, which then succeeds. The call ends within 0.2 s or, if a query to a port is in
+/// progress, when the port has replied or timed out. The pods can be used for another call;
+/// [`Pod::finish`] closes their ports.
 ///
 /// ```
 /// # fn main() -> Result<(), phasmid::Error> {

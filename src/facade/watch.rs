@@ -12,11 +12,11 @@ use std::time::Duration;
 const STEP: Duration = Duration::from_millis(100);
 /// Maximum time to open a camera.
 const OPENING: Duration = Duration::from_secs(2);
-/// Time between two attempts to open a camera that is gone.
+/// Time between two attempts to reopen a camera that has disappeared.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// Opens a camera, and shows its frames to an observer until `flow` breaks. A camera that is gone
-/// is reopened when it is back.
+/// Opens a camera, and shows its frames to an observer until `flow` returns `Break`. If the camera
+/// disappears, it is reopened when it is available again.
 ///
 /// # Errors
 /// Returns an error if the camera cannot be opened the first time.

@@ -275,7 +275,7 @@ mod tests {
             fake.plug("1-2", serial, ["video2", "video3"], "ttyACM1");
             let port = fake.of("tty", "ttyACM0").unwrap();
             fake.unplug("1-1", &["video0", "video1", "ttyACM0"]);
-            assert_eq!(fake.node(&port), None, "its twin is not it");
+            assert_eq!(fake.node(&port), None, "the twin is another device");
             fake.plug("1-1", serial, ["video0", "video1"], "ttyACM2");
             assert_eq!(fake.node(&port).unwrap(), "/dev/ttyACM2");
             assert!(port.to_string().ends_with(" at 1-1"), "{port}");

@@ -63,7 +63,7 @@ impl Modes {
         let wall = from_to(0.04, -0.05) * from_to(-0.19, -0.07);
         let belly = front * wall;
 
-        // 1 inside the cavity, fading to 0 at its wall.
+        // Returns 1 inside the cavity, fading to 0 at its wall.
         let out = (self.organs.cavity([x, y, z]) - WHOLE) * (1.0 / (1.0 - WHOLE));
         let inside = -out.rise() + 1.0;
         let pushed = inside * from_to(0.13, 0.0) * from_to(-0.19, -0.04);

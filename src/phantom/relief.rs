@@ -247,7 +247,8 @@ mod tests {
         let without = of(|p| p.chest.breast_ml = [0.0, 1e-9]);
         for volume in [150.0, 500.0] {
             let mut with = of(|p| p.chest.breast_ml = [0.0, volume]);
-            // Keep everything else that depends on the body's mass.
+            // Only the breasts differ. Other features depend on the body's mass, so take them from
+            // `without`.
             with.clone_from(&Relief {
                 breasts: with.breasts,
                 ..without.clone()

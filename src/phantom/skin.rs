@@ -61,7 +61,7 @@ impl Skin {
         if off.abs() > 40.0 && self.outline.cap(x.z) == 1.0 {
             return off;
         }
-        // Divided by the length of the gradient of `across - radius`.
+        // The result is divided by the length of the gradient of `across - radius`.
         let step = 0.05f64.min(-0.5 * beyond);
         let along =
             (self.radius(angle, x.z + step) - self.radius(angle, x.z - step)) / (2.0 * step);

@@ -103,12 +103,12 @@ pub(super) fn configuration_source(name_or_path: &str) -> Result<(TomlSource, Pa
     source::load(name_or_path, &shipped, "profile")
 }
 
-/// Adds the documents that a profile extends, with paths relative to `folder`.
+/// Merges the documents that a profile extends into it. Their paths are relative to `folder`.
 pub(super) fn extended_profile(source: TomlSource, folder: &Path) -> Result<TomlSource> {
     source.extended(folder, &PROFILES, "profile")
 }
 
-/// Adds the documents that a scene extends, with paths relative to `folder`.
+/// Merges the documents that a scene extends into it. Their paths are relative to `folder`.
 pub(super) fn extended_scene(source: TomlSource, folder: &Path) -> Result<TomlSource> {
     source.extended(folder, &SCENES, "scene")
 }

@@ -39,7 +39,7 @@ pub struct Camera {
     /// Working f-number; determines the light that reaches the sensor and the defocus blur.
     #[serde(default = "f_number")]
     pub f_number: f64,
-    /// Fall of light towards the edge of the image; none when absent.
+    /// Light falloff towards the edge of the image; none when absent.
     #[serde(default)]
     pub vignetting: Vignetting,
     /// Distance of the focal plane from the pupil in millimetres; everything is in focus when
@@ -72,9 +72,9 @@ pub struct Camera {
     /// takes one line time per row. 0 or absent means a global shutter. Rounded to nanoseconds.
     #[serde(default)]
     pub line_time_us: f64,
-    /// Readout time of a full frame with a global shutter, in microseconds: the frame leaves the
-    /// camera, and the next exposure may start, once it has been read. A region of interest takes
-    /// time in proportion to its rows. Zero when absent; for a rolling shutter use `line_time_us`.
+    /// Readout time of a full frame with a global shutter, in microseconds: once the frame has been
+    /// read, it leaves the camera and the next exposure may start. A region of interest takes time
+    /// in proportion to its rows. Zero when absent; for a rolling shutter use `line_time_us`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readout_us: Option<f64>,
     /// Minimum time in microseconds between the starts of consecutive frames, regardless of
@@ -221,7 +221,7 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
         shortest <= longest,
         "camera.exposure_range_us",
         format!("[{shortest}, {longest}]"),
-        "the shorter first",
+        "the shorter exposure first",
     )?;
     let exposures = format!("[{shortest}, {longest}]");
     let exposures = check.given("camera.exposure_range_us", exposures);
@@ -234,7 +234,10 @@ pub(super) fn check(c: &Camera, check: &Check<'_>) -> Result<()> {
     check.that(
         c.line_time_ns() == 0 || c.readout_ns() == 0,
         "camera.readout_us",
-        format!("a time together with line_time_us = {}", c.line_time_us),
+        format!(
+            "a readout time together with line_time_us = {}",
+            c.line_time_us
+        ),
         "0 for one of them: a rolling shutter's rows are read line by line",
     )?;
     check.within_for(

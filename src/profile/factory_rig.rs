@@ -21,10 +21,11 @@ const BOARDS: i32 = 21;
 
 impl Profile {
     /// Returns the rig that the device reports, in the camera's frame of the whole sensor: with
-    /// errors drawn from the covariance of a calibration in 20 poses and with the covariance predicted
-    /// at the result, or the exact rig if the profile says so. Equal serial numbers give equal errors. Distortion
-    /// coefficients that are zero in the profile have no error. The noise model is the sensor's: an
-    /// EMVA 1288 measurement of a whole sensor determines it to 0.2 %.
+    /// errors drawn from the covariance of a calibration in 20 poses and with the covariance
+    /// predicted at the result, or the exact rig if the profile requests it. Equal serial numbers
+    /// give equal errors. Distortion coefficients that are zero in the profile have no error. The
+    /// noise model is the sensor's: an EMVA 1288 measurement of a whole sensor determines it to 0.2
+    /// %.
     ///
     /// # Errors
     /// Returns an error if the board cannot be shown to the rig in 20 poses, or if `corner_px` is
@@ -83,7 +84,7 @@ impl Profile {
             let corner_px = self.factory_calibration.corner_px;
             let (field, found) = (violation.field, violation.found);
             refuse(format!(
-                "a drawn {field} of {found} at corner_px {corner_px}"
+                "a randomly drawn {field} of {found} with corner_px = {corner_px}"
             ))
         })?;
         // A factory does not know the true rig, so the stated covariance is that at its estimate.

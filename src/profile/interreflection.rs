@@ -16,13 +16,13 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Interreflection {
     /// Largest error of the indirect light, in percent of a pixel's light under full white, in 99 %
-    /// of the pixels that the projector lights. The number of rays and the spacing of the gather points
-    /// follow from it, by a trial with the scene at power-on; 1024 rays at every pixel if no setting
-    /// keeps it. Without effect if `samples` is given.
+    /// of the pixels that the projector lights. The number of rays and the spacing of the gather
+    /// points follow from it, by a trial with the scene at power-on; if no setting meets this
+    /// error, 1024 rays are used at every pixel. Ignored if `samples` is given.
     #[serde(default = "error_percent")]
     pub error_percent: f64,
-    /// Rays per gather point instead of the number that the error demands: a multiple of 16 from 16 to
-    /// 1024.
+    /// Rays per gather point, instead of the number that follows from `error_percent`: a multiple
+    /// of 16 from 16 to 1024.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples: Option<u32>,
     /// Spacing of the gather points in camera columns and rows, with `samples`; 4 if absent. Pixels
@@ -67,7 +67,7 @@ pub(super) fn check(interreflection: Interreflection, check: &Check<'_>) -> Resu
         samples.is_some(),
         "interreflection.step_px",
         step_px,
-        "samples beside it, or neither: both follow from error_percent",
+        "samples as well, or neither: both then follow from error_percent",
     )?;
     check.within("interreflection.step_px", step_px, 1..=64)
 }

@@ -47,8 +47,8 @@ pub(super) fn check_glare(glare: Glare, check: &Check<'_>) -> Result<()> {
     check.within("camera.glare.sigma_px", glare.sigma_px, 32.0..=32768.0)
 }
 
-/// Rejects coefficients for which the image folds over, so that some pixel would have no ray or two
-/// rays.
+/// Rejects distortion coefficients for which the image folds over: some pixel would then have no
+/// ray or two rays.
 pub(super) fn check_distortion(lens: &Lens, field: &str, check: &Check<'_>) -> Result<()> {
     check.all_within(field, &lens.distortion, -1e3..=1e3)?;
     check.in_range()?;

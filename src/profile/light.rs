@@ -19,7 +19,7 @@ pub struct Ambient {
     pub flicker: Option<Flicker>,
 }
 
-/// A lamp that casts shadows. Its light adds to the ambient light and does not depend on the
+/// A lamp that casts shadows. Its light is added to the ambient light and does not depend on the
 /// projected pattern.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -178,7 +178,7 @@ fn flicker(
             flicker.frequency_hz, flicker.phase_deg
         ),
         format!(
-            "{} Hz at {} degrees, as the lights before it",
+            "{} Hz at {} degrees, like the previous lights",
             first.frequency_hz, first.phase_deg
         ),
     )

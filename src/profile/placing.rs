@@ -10,7 +10,7 @@ impl Scene {
     /// file. `object` is the object's index in the file, from 0.
     ///
     /// # Errors
-    /// Returns an error if the object does not exist or moves, or if a number is outside the
+    /// Returns an error if the object does not exist or is animated, or if a number is outside the
     /// range allowed in a file. The scene is then unchanged.
     pub fn place(
         &mut self,

@@ -53,7 +53,7 @@ pub struct Projector {
     /// light when absent.
     #[serde(default)]
     pub contrast_ratio: Option<f64>,
-    /// Fall of light towards the edge of the field; none when absent.
+    /// Light falloff towards the edge of the field; none when absent.
     #[serde(default)]
     pub vignetting: Vignetting,
     /// Focus and aperture; sharp everywhere when absent.

@@ -21,12 +21,12 @@ pub const MAX_DEVICES: usize = 64;
 /// scene = "torso"                      # a built-in name, or a file relative to this one
 ///
 /// [[device]]
-/// name = "left"                        # of its run directory
+/// name = "left"                        # also names its run directory
 /// profile = "webcam-grey"              # a built-in name, or a file relative to this one
-/// position_mm = [0.0, -500.0, 50.0]    # where its rig stands in the scene, in place of the
-/// rotation_deg = [-27.8, 0.0, 0.0]     # scene's [rig]
-/// seed = 1                             # of its noise
-/// dialect = "scpi"                     # of its control port, in place of the profile's
+/// position_mm = [0.0, -500.0, 50.0]    # pose of its rig in the scene; replaces
+/// rotation_deg = [-27.8, 0.0, 0.0]     # the scene's [rig]
+/// seed = 1                             # seed of its noise
+/// dialect = "scpi"                     # dialect of its control port; replaces the profile's
 /// ```
 ///
 /// Devices of a station share scene and clock. A camera sees only the light of its own device's

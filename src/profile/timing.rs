@@ -60,8 +60,8 @@ pub struct Timing {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_delay_us: Option<f64>,
     /// Time to load a selected sequence from flash into the controller's memory, in microseconds
-    /// per buffer of 24 bit planes. All buffers are loaded before the first pattern, none during
-    /// display.
+    /// per buffer of 24 bit planes. All buffers are loaded before the first pattern; none is loaded
+    /// during display.
     #[serde(default)]
     pub load_us: f64,
     /// Whether grey patterns are shown bit by bit, the least significant first, so that an exposure
@@ -75,7 +75,7 @@ fn microsecond() -> f64 {
     1.0
 }
 
-/// Converts a time in microseconds that has been checked to nanoseconds.
+/// Converts an already checked time from microseconds to nanoseconds.
 fn ns(us: f64) -> u64 {
     (us * 1e3).round() as u64
 }
@@ -235,7 +235,7 @@ pub(super) fn check(t: &Timing, responds: bool, check: &Check<'_>) -> Result<()>
         first > 0.0 && t.min_exposure_us.is_sorted(),
         &field("min_exposure_us"),
         format!("{:?}", t.min_exposure_us),
-        "times above 0, none shorter than that for fewer bits",
+        "times above 0, none shorter than the time for fewer bits",
     )?;
     check.that(
         !(t.bit_planes && responds),

@@ -71,7 +71,7 @@ impl Token {
     /// # Errors
     /// Returns a description of the invalid text.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let text = std::str::from_utf8(bytes).map_err(|_| "no UTF-8 text".to_owned())?;
+        let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text".to_owned())?;
         let token = text.trim();
         let chars = token.chars().count();
         if token.lines().count() > 1 {

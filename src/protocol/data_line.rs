@@ -9,9 +9,9 @@
 //! | --- | --- | --- |
 //! | 0 | 2 | magic, 0xA5 0x5D |
 //! | 2 | 1 | version, 1 |
-//! | 3 | 1 | flags: bit 0, a pattern index is there; the others 0 |
+//! | 3 | 1 | flags: bit 0 if there is a pattern index; all others 0 |
 //! | 4 | 8 | id, never repeated in a device's life |
-//! | 12 | 4 | pattern index in the selected sequence; 0 without |
+//! | 12 | 4 | pattern index in the selected sequence; 0 if there is none |
 //! | 16 | 8 | start of the exposure, nanoseconds of device time |
 //! | 24 | 4 | length of the exposure in nanoseconds, to the end of the last row |
 //! | 28 | 4 | CRC-32 (IEEE 802.3) of the 28 bytes before |

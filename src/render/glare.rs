@@ -157,9 +157,9 @@ fn cells(size: [usize; 2], cell: usize) -> ([usize; 2], [f64; 2]) {
     (count, pitch)
 }
 
-/// Returns the Gaussian kernel for a standard deviation in cells, from whose variance the variance
-/// added by averaging and interpolation is subtracted; `most` is the number of cells along the
-/// longer side.
+/// Returns the Gaussian kernel for a standard deviation in cells. The variance that averaging and
+/// interpolation add is subtracted from the variance of the Gaussian. `most` is the number of cells
+/// along the longer side.
 fn kernel(sigma: f64, most: usize) -> Vec<f64> {
     let variance = sigma.powi(2) - 1.0 / 12.0 - 1.0 / 6.0;
     // For a larger sigma the reflections make the result uniform, so sigma is limited.

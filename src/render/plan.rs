@@ -90,17 +90,17 @@ impl Needs<'_> {
                     .focus
                     .is_some_and(|focus| focus.aperture_mm > 0.0),
                 "projector.focus has an aperture",
-                "projector.focus is absent, or a pinhole's",
+                "projector.focus is absent or describes a pinhole",
             ),
             Term::Shadows => choose(
                 self.world.casts_shadows(),
                 "some surface may shadow another",
-                "one convex solid at most: it shades itself by facing away",
+                "at most one convex solid, which shades itself only by facing away",
             ),
             Term::DepthOfField => choose(
                 self.profile.camera.focus_mm.is_some(),
                 "camera.focus_mm is given",
-                "camera.focus_mm is absent: all is in focus",
+                "camera.focus_mm is absent: everything is in focus",
             ),
             Term::AlbedoMaps => choose(
                 self.world.materials.any_map(),
@@ -127,7 +127,7 @@ impl Needs<'_> {
                 Some(_) => choose(
                     self.world.casts_shadows(),
                     "the scene has [interreflection]",
-                    "one convex solid at most: it sees no other surface",
+                    "at most one convex solid, which sees no other surface",
                 ),
             },
             Term::FootprintX => (false, "no pattern varies along x"),

@@ -51,8 +51,8 @@ pub struct Renderer {
     scene: Scene,
     worlds: Worlds,
     optics: Optics,
-    /// Moment at which `worlds` is, and the device time in nanoseconds if geometry may be
-    /// interpolated at that moment; `None` at power-on.
+    /// Moment to which `worlds` has been moved, and the device time in nanoseconds if geometry may
+    /// be interpolated at that moment; `None` at power-on.
     moment: Option<(Moment, Option<f64>)>,
     /// Geometry at key instants of a moving scene.
     keys: Keys,

@@ -102,7 +102,7 @@ impl Map<'_> {
                 return Rgb(INVALID);
             }
             let shade = self.relief.and_then(|shades| shades.get(at)).copied();
-            // A surface that faces the camera has a shade of 0.7 and keeps nearly all its colour.
+            // A surface that faces the camera has a shade of 0.7 and keeps almost its full colour.
             let light = shade
                 .filter(|s| !s.is_nan())
                 .map_or(1.0, |s| (0.45 + 0.75 * s).clamp(0.5, 1.0));

@@ -93,8 +93,8 @@ impl<'a> Stopwatch<'a> {
     /// equally.
     pub fn beside_a_copy(self, bytes: usize, enough_s: f64, mut work: impl FnMut()) -> [f64; 2] {
         let from = vec![1u8; bytes];
-        // Not zeros: the system would allocate their memory only at the first write, which takes longer
-        // than the copy.
+        // Fill with nonzero bytes: the system allocates the memory of zeros only at the first
+        // write, which takes longer than the copy.
         let mut to = vec![2u8; bytes];
         work();
         let mut fastest = [f64::INFINITY; 2];

@@ -63,7 +63,7 @@ impl Region {
 }
 
 impl Start {
-    /// Start for a patient set up by hand, near the planned pose.
+    /// Start of the search for a patient set up by hand, near the planned pose.
     pub const SET_UP: Self = Self::Within {
         around: Pose::IDENTITY,
         range_mm: 50.0,

@@ -111,7 +111,7 @@ pub enum Lost {
     Line,
 }
 
-/// Reasons to doubt the results of a scan. It displays as a message for users.
+/// Reason to doubt the results of a scan. It displays as a message for users.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScanWarning {

@@ -207,7 +207,7 @@ impl Camera for DeskCamera {
 pub struct DeskPort(Desk);
 
 fn gone() -> Error {
-    Error::device("port on the desk: the device has gone")
+    Error::device("port on the desk: the device was removed")
 }
 
 impl CommandPort for DeskPort {

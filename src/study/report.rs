@@ -193,8 +193,8 @@ impl Maps {
             shade: relief::shades(width, height, &decoded.depth, focal),
             range: depth_range(&decoded.depth).unwrap_or((0.0, 1.0)),
             errors,
-            // Four in a hundred errors exceed the end of the scale, so that the colours resolve all
-            // others.
+            // The scale ends at the 96th percentile of the errors, so that the colours resolve the
+            // smaller errors.
             limit: quantiles(&sizes, 0.0, 0.96).map_or(1.0, |(_, high)| high.max(1e-4)),
         }
     }

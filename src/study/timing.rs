@@ -98,8 +98,8 @@ impl<'a> Timing<'a> {
                 self.watch.seconds(prepare) * 1e9
             }
             Pass::Exposure | Pass::Sensor => {
-                // After a change of the plan the tables are missing; compute them, as once per
-                // sequence.
+                // A change of the plan discards the tables. Compute them before timing, because a
+                // device computes them only once per sequence.
                 self.renderer.make_ready(self.shots);
                 let (renderer, shots) = (&mut self.renderer, self.shots);
                 let expose = || {

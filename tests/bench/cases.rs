@@ -14,7 +14,7 @@ use std::path::Path;
 
 /// A pass, timed on one scene.
 pub struct Case {
-    /// Number of times that a call of `work` runs the pass on each pixel.
+    /// Number of times that one call of `work` runs the pass on each pixel.
     pub count: usize,
     /// Number of pixels, or of triangles.
     pub pixels: usize,
@@ -246,7 +246,7 @@ fn moving(name: &str, profile: &Profile, folder: &Path) -> Result<Case> {
     })
 }
 
-/// Number of scans of the breathing patient, as many as fit into half a second.
+/// Number of scans of the breathing patient that fit into half a second.
 const SCANS: u64 = 5;
 /// Time between the starts of two scans of the same pod, while the other two pods scan.
 const SCAN_EVERY_NS: u64 = 97_200_000;

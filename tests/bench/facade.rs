@@ -1,6 +1,6 @@
-//! Measures the minimum times of calls of the facade: a scan in memory, its decoding, and the
-//! decoding of 64 x 64 pixels with a decoder that is kept, with a decoder built from a manifest, and
-//! with a decoder built from a manifest's text.
+//! Measures the minimum time of calls of the facade: a scan in memory; decoding the scan; and
+//! decoding 64 x 64 pixels with a reused decoder, with a decoder built from a manifest, and with a
+//! decoder built from the text of a manifest.
 //!
 //! `python/tests/bench.py` runs this program and times the same calls in Python.
 

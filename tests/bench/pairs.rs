@@ -21,14 +21,14 @@ pub const PAIRS: [&str; 6] = [
     "held pixels, left out",
 ];
 /// Focus that blurs the projector's pixels on the plane by 0.6 px, and the factor on the profile's
-/// exposure. With both, the error due to held pixels is negligible compared with the noise.
+/// exposure. Together they make the error due to held pixels negligible compared with the noise.
 const BLURRED: Focus = Focus {
     distance_mm: 700.0,
     aperture_mm: 6.0,
 };
 const DIM: f64 = 0.2;
 
-/// Decoding to depths, without an option and with it.
+/// Decoding to depths without and with an option.
 pub struct Pair {
     /// Decodes without the option, and with it.
     pub works: [Box<dyn FnMut()>; 2],

@@ -43,7 +43,7 @@ fn main() {
             triangles = black_box(mesh).triangles.len();
         });
     }
-    println!("{:<36}{triangles:>12}", "triangles of the last");
+    println!("{:<36}{triangles:>12}", "triangles of the last surface");
 
     let folder = tempfile::tempdir().expect("a scratch folder");
     let path = folder.path().join("ct.mha");

@@ -3,8 +3,8 @@
 //!
 //! Times the bench of Wu et al. in front of a torso, alternately with and without a typical
 //! parameter that enables the term, and compares the cost with a memory copy of the data of the
-//! term's pass. A term that this bench always has is disabled for the comparison, and a term that no
-//! parameter here enables is forced on.
+//! term's pass. A term that this bench always has is disabled for the comparison. A term that no
+//! parameter of this benchmark enables is forced on.
 //!
 //! `cargo bench --bench terms`
 
@@ -18,7 +18,7 @@ use std::time::Instant;
 
 fn main() {
     let folder = tempfile::tempdir().expect("a scratch folder");
-    let image = checks().expect("a picture of 512 pixels");
+    let image = checks().expect("an image of 512 pixels");
     std::fs::write(folder.path().join(CHECKS), image).expect("a scratch folder");
     let begin = Instant::now();
     let clock = || begin.elapsed();

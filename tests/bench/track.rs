@@ -70,7 +70,7 @@ fn main() {
     let mut sight = Sight::new("pod", Pose::IDENTITY);
     let mut stages: Vec<Stage<'_>> = vec![
         (
-            "a pod's frames held against their sequence",
+            "check of a pod's frames",
             Box::new(|| {
                 check_sequence(
                     &captured.manifest,
@@ -81,7 +81,7 @@ fn main() {
             }),
         ),
         (
-            "a pod's frames so held, and made points",
+            "check of a pod's frames, and points",
             Box::new(|| {
                 let mut measured = Measured::default();
                 let doubt = sight.measure(&captured, true, &mut measured, POINTS);
@@ -90,7 +90,7 @@ fn main() {
             }),
         ),
         (
-            "nearest points afresh, one thread",
+            "nearest points, new search, one thread",
             Box::new(|| {
                 for &p in &points {
                     black_box(reference.closest(p));
@@ -98,7 +98,7 @@ fn main() {
             }),
         ),
         (
-            "nearest points from the last, one thread",
+            "nearest points, from the last, one thread",
             Box::new(|| {
                 for (&p, foot) in points.iter().zip(&feet) {
                     black_box(reference.closest_near(p, foot.triangle));

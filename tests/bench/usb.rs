@@ -90,7 +90,7 @@ fn usb(bytes: &[u8], speed: Speed) -> Duration {
         .expect("descriptors");
     let frame = Arc::new(Frame {
         id: 0,
-        // Triggered frames, since all of them wait for the host.
+        // Use triggered frames: unlike free-running frames, they all wait for the host.
         pattern_index: Some(0),
         width: WIDTH,
         height: HEIGHT,

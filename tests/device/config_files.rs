@@ -31,7 +31,8 @@ fn broken<T>(
     }
 }
 
-/// The message names the line that enables the data line, whichever other option conflicts with it.
+/// The message names the line that enables the data line, whatever other option conflicts with the
+/// data line.
 #[test]
 fn data_line_refuses_narrow_images_and_long_exposures() {
     for (from, to, needles) in [
@@ -257,8 +258,8 @@ fn rows_have_to_be_read_before_the_next_exposure() {
         message.contains("camera.frame_interval_us") && message.contains("20049 to"),
         "{message}"
     );
-    // The data line records when the last row's exposure ends, so the limit includes the delay of
-    // that row.
+    // The data line contains the time at which the last row's exposure ends, so the delay of that
+    // row counts towards the limit.
     let range = "exposure_range_us = [20.0, 1000000.0]";
     let message = with("10", range, "exposure_range_us = [20.0, 4290088]")
         .unwrap_err()
@@ -517,7 +518,7 @@ fn a_reader_that_leaves_ends_a_list_quietly() {
         .unwrap();
     assert!(done.status.success(), "{done:?}");
     let said = std::fs::read_to_string(folder.path().join("err.txt")).unwrap();
-    assert_eq!(said, "", "nothing to say to nobody");
+    assert_eq!(said, "", "no message about a closed pipe");
 }
 
 /// Checks that a list of numbers in a text cannot be made longer or shorter, since all lists have a

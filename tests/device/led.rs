@@ -237,7 +237,7 @@ fn light_follows_lamp_commands_in_device_time() {
         assert!((found - exact).abs() < 0.008, "{start_ns}: {found} {exact}");
         partly += u32::from(start_ns < 2006 * MS && end_ns > 2006 * MS && found > 0.1);
     }
-    assert_eq!(partly, 1, "one sees the lamp go off");
+    assert_eq!(partly, 1, "one exposure sees the lamp go off");
 }
 
 /// A projector with pattern timing lights its source only while it shows patterns. The source stays

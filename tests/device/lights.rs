@@ -315,7 +315,7 @@ fn flicker_is_the_integral_over_each_exposure() {
     }
 }
 
-/// If all light flickers by the same factor, so do all pixels, however they are averaged.
+/// If all light flickers by the same factor, so do all pixels, however the light is averaged.
 #[test]
 fn mixed_pixels_flicker_by_the_same_factor() {
     let mut profile = Profile::load("pmp-bench").unwrap();

@@ -189,9 +189,9 @@ fn a_scan_decodes_as_well_as_its_noise_allows() {
     assert!(error < 0.05, "{error} px");
 }
 
-/// In half of a pattern's time, the projector shows the lower seven bits and almost nothing of the
-/// highest. The frame is the sum of the bit planes, each weighted by its fraction of the exposure:
-/// bit k lasts 2^k / 255 of the pattern.
+/// In half of a pattern's time, the projector shows the lower seven bits and almost none of the
+/// highest bit. The frame is the sum of the bit planes, each weighted by its fraction of the
+/// exposure: bit k lasts 2^k / 255 of the pattern.
 #[test]
 fn half_of_a_pattern_shows_the_sum_of_its_bits() {
     let mut profile = evm();

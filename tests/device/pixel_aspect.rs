@@ -14,7 +14,8 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [400, 240];
 
-/// Returns the centre of the bench of Wu et al. with these pixel aspects of camera and projector.
+/// Returns the central part of the bench of Wu et al., with these pixel aspects of camera and
+/// projector.
 fn bench(camera: f64, projector: f64) -> Profile {
     let mut profile = Profile::load("pmp-bench").unwrap();
     profile.camera.sensor_width_mm *= f64::from(SIZE[0]) / f64::from(profile.camera.width_px);
@@ -103,8 +104,8 @@ fn decoded_depth_is_as_accurate_as_with_square_pixels() {
     assert!((other.mae_mm / square.mae_mm - 1.0).abs() < 0.08);
 }
 
-/// Truth and light agree with the slow reference renderer if fx and fy differ strongly: areas of
-/// pixels, vignetting, footprints, and the projector's blur along both axes.
+/// Truth and light agree with the slow reference renderer if fx and fy differ strongly. This covers
+/// pixel areas, vignetting, footprints, and the projector's blur along both axes.
 #[test]
 fn truth_and_grey_levels_agree_with_the_reference() {
     let mut profile = bench(1.4, 0.7);

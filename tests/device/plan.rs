@@ -22,7 +22,7 @@ fn plan(options: &[&str]) -> std::process::Output {
 fn json(options: &[&str]) -> Value {
     let output = plan(&[options, &["--json"]].concat());
     assert!(output.status.success());
-    assert!(output.stderr.is_empty(), "silent in a pipe");
+    assert!(output.stderr.is_empty(), "no progress in a pipe");
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
@@ -48,7 +48,7 @@ fn plan_lists_every_term_with_reason_and_cost() {
     assert_eq!(
         names,
         all.each_ref().map(String::as_str),
-        "each once, in order"
+        "each term once, in order"
     );
     for term in plane["terms"].as_array().unwrap() {
         assert!(term["why"].as_str().unwrap().len() > 8, "{term}");

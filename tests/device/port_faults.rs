@@ -32,9 +32,9 @@ enum Fault {
     Reply(usize),
     /// The bit of the message with this index is flipped.
     Message(usize),
-    /// The bit of the reply is flipped that turns one sequence's name into the other's.
+    /// In the reply, the bit is flipped that turns the name of one sequence into that of the other.
     OtherInReply,
-    /// The same bit is flipped in the message.
+    /// In the message, the same bit is flipped.
     OtherInMessage,
     /// The cable is pulled before the message, and the port has to be reopened.
     Gone,
@@ -305,12 +305,12 @@ fn flipped_bits_never_give_another_cloud() {
             }
         }
     }
-    // A single flipped bit is corrected wherever it is detectable.
+    // A single flipped bit is corrected if it is detectable.
     assert_eq!(reported, [""; 0]);
 }
 
-/// In every dialect, driven only by its file, the same scan gives the same result; with a fault at
-/// some message it gives the same result or an error.
+/// The same scan gives the same result in every dialect, which only a file describes. With a fault
+/// at some message, the scan gives the same result or an error.
 #[test]
 fn dialects_scan_as_scpi_does() {
     let good = scan(Fault::None, 0).0.unwrap();

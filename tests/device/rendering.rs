@@ -301,8 +301,8 @@ fn terms_left_out_by_the_plan_change_no_byte() {
     }
 }
 
-/// A pixel without a surface reads the black level, even beside a surface in the projector's light
-/// and in the same block of pixels that are averaged together.
+/// A pixel that sees no surface has the black level, even next to a lit surface in the same block
+/// of pixels that are averaged together.
 #[test]
 fn pixels_without_surface_read_the_black_level() {
     let profile = bench(false);

@@ -117,7 +117,11 @@ fn pattern_images_leak_into_rows_by_the_time_that_they_share() {
                 assert!(error < 1e-3, "row {row}, {i}: {} {exact}", found[i]);
             }
         }
-        assert_eq!(seen, [true, true, false, true], "the darkness is short");
+        assert_eq!(
+            seen,
+            [true, true, false, true],
+            "darkness takes less than 0.3 of each exposure"
+        );
         let frame = renderer.expose(&shot);
         let rows = u64::from(ROWS - first_row);
         let times = (frame.exposure_start_ns, frame.exposure_end_ns - start_ns);

@@ -148,7 +148,7 @@ fn photon_transfer_gives_back_gain_and_read_noise() {
             .collect();
         let (slope, _) = line(&points);
         assert!((slope / gain - 1.0).abs() < 0.01, "gain {slope} of {gain}");
-        // Each point lies on the line, even at few electrons.
+        // Each point lies on the line, even points at a few electrons.
         for (mean, variance) in &points {
             assert!(
                 (variance / mean / gain - 1.0).abs() < 0.02,

@@ -134,7 +134,7 @@ fn checkerboard_out_of_focus_matches_rays_through_the_pupil() {
         bias / count,
         (spread / count).sqrt(),
     );
-    // The exact means spread little because the board is out of focus; in focus their spread would
+    // The exact means vary little because the board is out of focus; in focus, their spread would
     // be 0.5.
     assert!(spread < 0.3, "{spread}");
     assert!(rms < 0.05 && bias.abs() < 0.005, "{rms} {bias}");
@@ -277,7 +277,7 @@ fn vertex_colours_are_interpolated() {
         let plain = renderer.expected_dn(&shot);
         assert!(
             (f64::from(plain[0]) - black - scale).abs() < 2e-3,
-            "one albedo again"
+            "without the term, the albedo is uniform"
         );
     }
 }

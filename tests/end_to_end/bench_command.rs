@@ -16,7 +16,7 @@ fn bench(options: &[&str]) -> Output {
 fn json(options: &[&str]) -> Value {
     let output = bench(&[options, &["--json"]].concat());
     assert!(output.status.success());
-    assert!(output.stderr.is_empty(), "silent in a pipe");
+    assert!(output.stderr.is_empty(), "no progress in a pipe");
     serde_json::from_slice(&output.stdout).unwrap()
 }
 

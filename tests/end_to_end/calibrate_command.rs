@@ -32,7 +32,7 @@ fn figures(out: &Path, arguments: &[&str]) -> Value {
     assert!(output.status.success(), "{}", words(&output));
     assert!(
         output.stderr.is_empty(),
-        "a pipe hears nothing: {}",
+        "no progress in a pipe: {}",
         words(&output)
     );
     serde_json::from_slice(&output.stdout).unwrap()
@@ -140,12 +140,12 @@ fn an_emulated_device_is_calibrated_over_its_ports() {
 
 #[test]
 fn output_that_cannot_be_made_is_refused_before_the_device_starts() {
-    // The kernel makes no folders here, not even for root.
+    // The kernel does not allow folders to be created here, not even by root.
     let out = Path::new("/proc/phasmid/out");
     let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["calibrate", "--profile", "webcam-grey", "--out"])
         .arg(out)
-        // With this setting the device could not start.
+        // With this setting the device could not start, so the error must come before the start.
         .env("TMPDIR", "/nonexistent")
         .output()
         .unwrap();
@@ -246,7 +246,7 @@ fn unusable_poses_are_named_and_left_out() {
     assert!(!out.join("found_pose_01.png").exists());
     assert!(
         out.join("found_pose_00.png").exists(),
-        "what was seen is shown"
+        "images are saved for poses that could be read"
     );
 }
 
@@ -281,7 +281,7 @@ fn refuses_captures_that_determine_no_rig_with_numbers() {
         &["--force", "--captures", all, "--board", "chess"],
         &["no board in any of 8 poses", "9 x 6"],
     );
-    assert!(!target.exists(), "a folder that nothing came of");
+    assert!(!target.exists(), "a failed calibration leaves no folder");
     // The same pose four times, and poses with all kinds of mistakes.
     let mixed = folder.path().join("mixed");
     for i in 0..4 {
@@ -352,7 +352,7 @@ fn refuses_bad_arguments_before_writing_anything() {
         ),
         (
             &["--captures", here],
-            &["no folder in it", "a folder for each pose"],
+            &["no subfolder", "a subfolder for each pose"],
         ),
         (&["--captures", "/no/such"], &["--captures", "/no/such"]),
         (
@@ -414,7 +414,7 @@ fn results_of_an_earlier_run_are_removed() {
     for gone in ["truth.json", draft] {
         assert!(!target.join(gone).exists(), "{gone}");
     }
-    // Captures may belong to a user, so only new captures replace them.
+    // Existing captures may be a user's own, so only new captures replace them.
     assert!(target.join("captures/pose_07/sequence.toml").is_file());
     assert!(target.join("found_mine.png").is_file());
     assert!(target.join(locked).join("found_pose_00.png").is_file());

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 const SIZE: (u32, u32) = (64, 20);
 
-/// Saves an image whose level at each pixel, 0 to 1, a function gives.
+/// Saves an image; a function returns the level, 0 to 1, of each pixel.
 type Save<'a> = &'a dyn Fn(&Path, &dyn Fn(u32, u32) -> f64);
 
 /// Returns the projector column of a pixel.
@@ -15,8 +15,8 @@ fn column(u: u32, v: u32) -> f64 {
     30.0 + 6.1 * f64::from(u) + 0.4 * f64::from(v)
 }
 
-/// Writes eight-step fringes of one period over the projector, named 0.EXT and so on, and their
-/// manifest.
+/// Writes eight-step fringes whose single period covers the projector, as files 0.EXT to 7.EXT, and
+/// their manifest.
 fn write_sequence(folder: &Path, extension: &str, save: Save<'_>) {
     let mut text = "[projector]\nwidth_px = 480\nheight_px = 300\n".to_owned();
     for i in 0..8 {

@@ -21,7 +21,7 @@ fn summary(folder: &Path, arguments: &[&str]) -> Value {
     let output = demo(folder, arguments);
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{words}");
-    assert!(words.is_empty(), "a pipe hears nothing: {words}");
+    assert!(words.is_empty(), "no progress in a pipe: {words}");
     serde_json::from_str(&std::fs::read_to_string(folder.join("summary.json")).unwrap()).unwrap()
 }
 
@@ -101,7 +101,7 @@ fn truth_is_written_as_arrays_and_as_an_image() {
         .min();
     assert!(
         (5000..20_000).contains(&near.unwrap()),
-        "{near:?}, in tenths of a millimetre"
+        "{near:?} tenths of a millimetre"
     );
     assert!(
         std::fs::metadata(folder.path().join("truth.npz"))
@@ -242,7 +242,7 @@ fn the_next_demo_removes_what_a_killed_one_has_left() {
         assert_eq!(
             child.try_wait().unwrap(),
             None,
-            "it ended before it was killed"
+            "the demo ended before it was killed"
         );
     }
     child.kill().unwrap();
@@ -308,10 +308,13 @@ fn signals_leave_no_folder_of_the_output_or_of_the_device() {
         let begin = Instant::now();
         while !has_device() {
             assert!(begin.elapsed() < Duration::from_secs(120));
-            assert_eq!(child.try_wait().unwrap(), None, "it has ended");
+            assert_eq!(child.try_wait().unwrap(), None, "the demo has ended");
             std::thread::sleep(Duration::from_millis(1));
         }
-        assert!(out.exists(), "the output is made before the capture");
+        assert!(
+            out.exists(),
+            "the output folder is created before the capture"
+        );
         for signal in signals {
             kill_process(Pid::from_child(&child), *signal).unwrap();
             std::thread::sleep(Duration::from_millis(5));
@@ -325,12 +328,12 @@ fn signals_leave_no_folder_of_the_output_or_of_the_device() {
 
 #[test]
 fn output_that_cannot_be_made_is_refused_before_the_device_starts() {
-    // The kernel makes no folders here, not even for root.
+    // The kernel does not allow folders to be created here, not even by root.
     let out = "/proc/phasmid/out";
     let output = Command::new(env!("CARGO_BIN_EXE_phasmid"))
         .args(["demo", "--profile", "dlp-evm", "--scene", "plane"])
         .args(["--out", out])
-        // With this setting the device could not start.
+        // With this setting the device could not start, so the error must come before the start.
         .env("TMPDIR", "/nonexistent")
         .output()
         .unwrap();

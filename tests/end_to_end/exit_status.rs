@@ -256,7 +256,7 @@ fn full_standard_output_is_a_failure() {
     }
 }
 
-/// A limit on file size, whose signal is ignored, has the same effect as a full disk.
+/// A limit on file size whose signal is ignored has the same effect as a full disk.
 #[test]
 fn file_that_cannot_be_completed_does_not_block_the_next_run() {
     let folder = tempfile::tempdir().unwrap();

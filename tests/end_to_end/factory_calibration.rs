@@ -141,7 +141,7 @@ fn device_that_could_not_be_calibrated_is_scanned() {
     let folder = tempfile::tempdir().unwrap();
     let text = phasmid::profile::profile_text("webcam-grey").unwrap();
     let away = folder.path().join("away.toml");
-    // At this distance camera and projector share no field.
+    // At this distance, the fields of view of camera and projector do not overlap.
     let text = text.replace("[calibration]\n", "[calibration]\ndistance_mm = 20.0\n");
     std::fs::write(&away, text).unwrap();
     let away = away.to_str().unwrap();

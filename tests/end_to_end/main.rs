@@ -40,8 +40,8 @@ fn interrupt() -> rustix::process::Signal {
     or_term(rustix::process::Signal::INT)
 }
 
-/// Returns the signal, or TERM if the tests ignore the signal, as in the background of a shell
-/// script or under `nohup`: processes that the tests start then ignore the signal too.
+/// Returns the signal, or TERM if the tests ignore the signal. They do so in the background of a
+/// shell script or under `nohup`; then the processes that they start ignore it too.
 #[cfg(target_os = "linux")]
 fn or_term(signal: rustix::process::Signal) -> rustix::process::Signal {
     match signals(std::process::id(), "SigIgn:") >> (signal.as_raw() - 1) & 1 {

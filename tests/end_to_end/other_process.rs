@@ -74,7 +74,8 @@ fn scan_takes_the_addresses_from_the_run_directory_and_writes_the_truth() {
     );
 }
 
-/// A scan refuses the run directory of a killed device: by now its port may be another terminal.
+/// A scan refuses the run directory of a killed device, because the port's path may now lead to
+/// another terminal.
 #[test]
 fn scan_refuses_the_run_directory_of_a_killed_device() {
     let mut served = Served::start(&[]);
@@ -121,7 +122,7 @@ fn completions_and_help_list_the_commands() {
         "{}",
         text(&bash)
     );
-    // The bare command says where to start.
+    // Without arguments, the command prints a hint where to start.
     let bare = phasmid().output().unwrap();
     assert_eq!(bare.status.code(), Some(2));
     assert!(

@@ -205,7 +205,8 @@ fn demo_keeps_what_exists_but_its_own_output() {
     succeeds(&own);
     let names = names(dir.path());
     refuses_each(command, &names);
-    // A demo replaces its own output, unless the file that marks the folder as a demo's is missing.
+    // A demo replaces the output of an earlier demo, unless the file that marks the folder as a
+    // demo's output is missing.
     succeeds(&own);
     fs::remove_file(dir.path().join("summary.json")).unwrap();
     let before = tree(dir.path());

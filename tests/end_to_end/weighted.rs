@@ -1,5 +1,5 @@
-//! `--weighted` as a user runs it: there is less noise, standard deviations shrink accordingly, and
-//! `demo`, `decode` and `scan` give the same result.
+//! `--weighted` as a user runs it: it reduces noise, the stated standard deviations shrink
+//! accordingly, and `demo`, `decode` and `scan` give the same result.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -94,7 +94,7 @@ fn weighted_phases_are_less_noisy_and_report_it() {
     let cloud = |name: &str| std::fs::read(at(name).join("cloud.ply")).unwrap();
     assert!(
         cloud("weighted") == cloud("weighted-decoded"),
-        "demo does as decode does"
+        "demo and decode give the same cloud"
     );
     assert!(cloud("weighted") != cloud("noisy"));
 }

@@ -70,7 +70,7 @@ impl Case {
         case
     }
 
-    /// Replaces the patterns to expose by these, one after the other.
+    /// Sets the patterns to expose, one after the other.
     pub fn shoot(&mut self, patterns: &[Pattern]) {
         let pattern_images: Vec<_> = patterns.iter().map(|p| self.pattern_image(p)).collect();
         self.shots = pattern_images

@@ -76,7 +76,11 @@ pub fn agree(case: &Case) -> Plan {
         let (a, b) = (here.expose(shot), there.expose(shot));
         let failed = there.news().map(|_| ());
         failed.unwrap_or_else(|e| panic!("{}: {e}", case.name));
-        assert!(there.adapter().is_some(), "{}: no GPU at work", case.name);
+        assert!(
+            there.adapter().is_some(),
+            "{}: the GPU is not used",
+            case.name
+        );
         let (a, b) = (levels(&a), levels(&b));
         let others = nudged.each_mut().map(|other| levels(&other.expose(shot)));
         let undecided = |pixel: usize| {
@@ -100,19 +104,19 @@ pub fn agree(case: &Case) -> Plan {
             let folder = leave(case, i, &a, &b);
             panic!("{} {i}: {found:?}; see {folder}", case.name);
         }
-        // Two empty frames would agree too.
+        // Two uniform frames would agree even if nothing had been rendered.
         assert!(
             a.iter().any(|&v| v != a[0]),
-            "{}: an even picture",
+            "{}: a uniform image",
             case.name
         );
     }
     here.plan()
 }
 
-/// Returns the CPU's renderer for a slightly displaced scene. If a pixel's level changes, f32
-/// rounding may decide it, for example where a ray barely passes an edge between two triangles, or
-/// where a pixel's samples barely count as one surface.
+/// Returns the CPU's renderer for a slightly displaced scene. If a pixel's level differs in this
+/// scene, f32 rounding may decide the level: for example, a ray barely passes an edge between two
+/// triangles, or a pixel's samples barely count as one surface.
 fn nudged(case: &Case, by: [f64; 3]) -> Renderer {
     let mut case = case.clone();
     for object in &mut case.scene.object {

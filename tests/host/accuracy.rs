@@ -19,7 +19,8 @@ struct Scan {
     score: Score,
     truth: Truth,
     decoded: Decoded,
-    /// Result of decoding in which the error of held projector pixels is stated but not corrected.
+    /// Result of decoding without correction of the error due to held projector pixels; the error
+    /// is only reported.
     uncorrected: Decoded,
     /// Signals of the fringe frames before noise and rounding, in DN, and their phases in radians.
     fringes: Vec<(Vec<f32>, f64)>,
@@ -213,10 +214,11 @@ fn held_pixel_error(x: f64, [a, b]: [f64; 2], period: f64) -> f64 {
 ///
 /// - 0.0102 px is due to held pixels, an optical effect with a closed form (above). It is in the
 ///   light itself: the phase of the frames before rounding, computed here in f64, shows it. The
-///   decoder's correction takes it off.
+///   decoder's correction removes it.
 /// - 0.0062 px is due to rounding to whole DN. White noise of 1/12 DN^2 predicts 0.0065 px at the
 ///   modulation B of 64 DN that remains on the slopes.
-/// - 0.0012 px is the rest: the projector's 8-bit levels, irradiance within a pixel, f32.
+/// - The remaining 0.0012 px is due to the projector's 8-bit levels, irradiance within a pixel, and
+///   f32.
 #[test]
 fn the_error_without_noise_is_held_pixels_and_rounding() {
     const PERIOD: f64 = 16.0;
@@ -229,7 +231,7 @@ fn the_error_without_noise_is_held_pixels_and_rounding() {
     let x = |i: usize| f64::from(truth.projector_x[i]);
     let [corrected, measured] =
         [&scan.decoded, &scan.uncorrected].map(|decoded| &decoded.x.as_ref().unwrap().coordinate);
-    // Sums of the squares of the unrounded error, of the same minus the error of held pixels, and
+    // Sums of the squares of the unrounded error, of this error minus the error of held pixels, and
     // of the decoded minus the unrounded error; the sum of the variances due to rounding; and the
     // sum of the squares of the corrected error.
     let (mut n, mut sums) = (0.0, [0.0; 5]);

@@ -141,8 +141,8 @@ fn ink_of_a_pixel_matches_4096_rays() {
     }
 }
 
-/// A gradient of the light within a pixel shifts an outline by a twelfth of the gradient. Counted
-/// rays show this; a renderer with one light level per pixel would not.
+/// A gradient of the light within a pixel shifts an outline by a twelfth of the gradient. Counting
+/// rays reproduces this shift; a renderer with one light level per pixel would not.
 #[test]
 fn light_varies_within_the_pixels_of_an_outline() {
     let profile = Profile::load("pmp-bench").unwrap();

@@ -79,7 +79,7 @@ fn prints_metrics_as_table_and_json() {
     let table = String::from_utf8(table.stdout).unwrap();
     assert!(table.contains("Hausdorff (mm)"), "{table}");
     assert!(
-        table.contains("No truth to cloud: a mesh needs a calibration"),
+        table.contains("Truth to cloud not computed: a mesh needs a calibration"),
         "{table}"
     );
 
@@ -107,7 +107,7 @@ fn prints_metrics_as_table_and_json() {
     let coverage = found["coverage"].as_f64().unwrap();
     assert!((0.8..0.999).contains(&coverage), "{coverage}");
 
-    // After alignment, only the part of the lift that a translation cannot remove remains.
+    // After alignment, only the part of the offset that a translation cannot remove remains.
     let found = json(&["moved.ply", "--truth", "truth.ply", "--align", "--json"]);
     assert_eq!(found["alignment"]["converged"], true);
     assert_eq!(found["alignment"]["determined"], 6);
@@ -200,8 +200,8 @@ fn invalid_points_and_redundant_triangles_are_dropped_with_a_note() {
     };
     mesh.triangles.push([0, 0, 1]);
     ply::write_mesh(&dir.join("truth.ply"), &mesh).unwrap();
-    // A plane, the origin as often as a scanner writes it for pixels without a measurement, and one
-    // other point many times.
+    // A cloud of a plane, many points at the origin as a scanner writes them for pixels without a
+    // measurement, and one other point that is repeated many times.
     let grid = (0..100).flat_map(|x| (0..100).map(move |y| [x as f32, y as f32, 500.0]));
     let mut points: Vec<[f32; 3]> = grid.collect();
     points.extend([[5.0, 5.0, 500.0]; 40_000]);

@@ -376,7 +376,8 @@ fn every_fault_of_other_sequences_is_found(all: bool) {
     let code: Vec<String> = (0..6).rev().map(|bit| gray(16, 6, bit, false)).collect();
     let half = vec![gray(8, 7, 0, false)];
     let both = |bit| [false, true].map(|inverted| gray(4, 8, bit, inverted));
-    // Finer than the camera resolves: the test only requires that intact captures are not doubted.
+    // This code is finer than the camera resolves, so the test only requires that intact captures
+    // are not doubted.
     let unresolved = "Gray code of single pixels";
     let single = |bit| [false, true].map(|inverted| gray(1, 10, bit, inverted));
     let sequences = [
@@ -646,7 +647,7 @@ fn partial_bit_planes_are_doubted_or_give_the_same_surface() {
 }
 
 /// If one or several frames, Gray code or fringes, are lit for only a fraction of their exposure,
-/// this is detected, or the points are present and correct.
+/// then either this is detected or the points are present and correct.
 #[test]
 fn frames_with_less_light_are_found_or_harmless() {
     for (name, scene) in [

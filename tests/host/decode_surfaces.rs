@@ -81,7 +81,7 @@ struct Hit {
 
 fn trace(rig: &Rig, surface: &(dyn Fn(f64) -> f64 + Sync), u: f64) -> Hit {
     let slope = (u - 568.5) / 632.2;
-    // Step along the ray to a point behind the surface, then bisect the last interval.
+    // Step along the ray until the point is behind the surface, then bisect the last interval.
     let (mut near, mut far) = (800.0, 800.0);
     while far < surface(slope * far) && far < 1100.0 {
         near = far;

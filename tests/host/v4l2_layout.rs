@@ -124,7 +124,7 @@ fn kernel(expressions: &[&String]) -> Vec<u64> {
     let program = folder.path().join("layout");
     let mut c = "#include <stddef.h>\n#include <stdio.h>\n#include <linux/videodev2.h>\n\nint main(void)\n{\n".to_owned();
     for expression in expressions {
-        // ioctl codes fit in 32 bits; as an enum or int they would be sign-extended.
+        // ioctl codes are unsigned 32-bit numbers; as an enum or int they would be sign-extended.
         writeln!(c, "\tprintf(\"%u\\n\", (unsigned)({expression}));").unwrap();
     }
     c += "\treturn 0;\n}\n";

@@ -235,7 +235,7 @@ fn a_scan_during_which_the_port_went_is_replayed_from_either_side() {
 }
 
 /// If a device was killed during a scan, port and camera disappear at the same time, in the replay
-/// as well. A client that scans the replay has then not departed from the recording.
+/// as well. A client that scans this replay therefore does not depart from the recording.
 #[test]
 fn a_device_that_was_killed_in_a_scan_is_killed_in_its_replay() {
     let _alone = alone();

@@ -30,7 +30,7 @@ fn every_fourth_fault_has_the_documented_results_and_no_cloud_is_wrong() {
         let text = table.to_markdown();
         for line in text.lines().filter(|line| line.starts_with('|')) {
             let is_documented = DOCUMENTED.lines().any(|known| known == line);
-            assert!(is_documented, "{RENEW}; not in it: {line}");
+            assert!(is_documented, "{RENEW}; the table lacks {line}");
         }
     }
 }

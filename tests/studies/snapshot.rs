@@ -98,7 +98,7 @@ fn differences(found: &str, wanted: &str) -> String {
     out
 }
 
-/// The cells of a row, or a line of text as one cell. The width of a column does not count.
+/// Returns the cells of a row, or a line of text as one cell. Column widths are ignored.
 fn cells(line: &str) -> Vec<&str> {
     let rule = |cell: &&str| cell.chars().all(|c| c == '-' || c == ':');
     let cells: Vec<_> = line.split('|').map(str::trim).collect();
@@ -108,7 +108,7 @@ fn cells(line: &str) -> Vec<&str> {
     }
 }
 
-/// Whether two cells have the same text and close numbers.
+/// Returns whether two cells have the same text and nearly equal numbers.
 fn is_close(found: &str, wanted: &str, tolerance: f64) -> bool {
     let [found, wanted] = [found, wanted].map(parts);
     let close = |(found, wanted): (&&str, &&str)| {
@@ -126,7 +126,7 @@ fn is_close(found: &str, wanted: &str, tolerance: f64) -> bool {
     found.len() == wanted.len() && found.iter().zip(&wanted).all(close)
 }
 
-/// One unit of a number's last decimal; 0 for a whole number, which is a count.
+/// Returns one unit of a number's last decimal place; 0 for a whole number, which is a count.
 fn last_decimal(number: &str) -> f64 {
     number
         .split_once('.')
@@ -150,7 +150,7 @@ fn parts(cell: &str) -> Vec<&str> {
     parts
 }
 
-/// The length of the number at the beginning of a text; 0 if there is none.
+/// Returns the length of the number at the beginning of a text; 0 if there is none.
 fn number(text: &str) -> usize {
     let digits = |from: usize| text[from..].bytes().take_while(u8::is_ascii_digit).count();
     let sign = usize::from(text.starts_with('-'));

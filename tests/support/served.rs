@@ -100,7 +100,7 @@ fn come_up(child: &mut Child, dir: &Path) -> Endpoints {
     while !dir.join("device.json").exists() {
         if Instant::now() >= end {
             let _ = child.kill();
-            panic!("the device does not come up");
+            panic!("the device does not start");
         }
         assert!(
             child.try_wait().unwrap().is_none(),

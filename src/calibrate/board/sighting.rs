@@ -62,8 +62,8 @@ impl Lit {
         self.px.to_array()
     }
 
-    /// Returns the rows of the derivative of [`Self::px`] by the camera pixel. An error e of the
-    /// camera pixel adds an error `slope * e` to the projector coordinates.
+    /// Returns the rows of the derivative of [`Self::px`] with respect to the camera pixel. An
+    /// error e of the camera pixel adds an error `slope * e` to the projector coordinates.
     pub fn slope(&self) -> [[f64; 2]; 2] {
         rows(self.slope)
     }

@@ -91,7 +91,8 @@ impl Smooth {
         self.to.middle + q * self.to.size
     }
 
-    /// Derivative of the target by the source; column j by source coordinate j.
+    /// Derivative of the target with respect to the source; column j is the derivative with respect
+    /// to source coordinate j.
     pub(super) fn slope(&self, p: DVec2) -> DMat2 {
         let n = self.from.normal(p);
         let h = &self.homography;
@@ -116,7 +117,7 @@ fn count(degree: usize) -> usize {
     (degree + 1) * (degree + 2) / 2
 }
 
-/// Calls `call` with each monomial's index, value and derivatives by x and y.
+/// Calls `call` with each monomial's index, value and derivatives with respect to x and y.
 fn each_monomial(p: DVec2, degree: usize, mut call: impl FnMut(usize, f64, DVec2)) {
     let mut k = 0;
     let mut y = 1.0;

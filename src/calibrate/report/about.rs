@@ -29,7 +29,7 @@ const KEPT: usize = 100;
 pub fn image_names<S: AsRef<str>>(poses: &[S]) -> Vec<String> {
     let plain: Vec<String> = poses.iter().map(|name| plain(name.as_ref())).collect();
     let mut taken = std::collections::BTreeSet::new();
-    // A name that needs no change keeps it even if another name is changed to the same text.
+    // A name that needs no change is kept even if another name is changed to the same text.
     let mut names: Vec<Option<String>> = poses
         .iter()
         .zip(&plain)

@@ -33,7 +33,7 @@ impl Noise {
 
 const CAMERA_PX: f64 = 0.005;
 const PROJECTOR_PX: f64 = 0.03;
-/// Derivative of a projector coordinate by the camera point.
+/// Derivative of a projector coordinate with respect to the camera point.
 const SLOPE: DMat2 = DMat2::from_cols(DVec2::new(4.0, 0.5), DVec2::new(-1.0, 5.0));
 
 fn nominal() -> Rig {

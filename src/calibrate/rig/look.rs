@@ -43,7 +43,7 @@ pub fn look(
     look_with_stop(board, name, manifest, images, nominal, &Stop::default())
 }
 
-/// [`look`], which another thread can end early.
+/// Like [`look`], but another thread can end the call early.
 ///
 /// # Errors
 /// Returns [`Error::Interrupted`] soon after a stop is requested, and the errors of [`look`].

@@ -140,7 +140,7 @@ impl Poses {
         self.calibrate_with_stop(board, choice, &Stop::default())
     }
 
-    /// [`Self::calibrate`], which another thread can end early.
+    /// Like [`Self::calibrate`], but another thread can end the call early.
     ///
     /// # Errors
     /// Returns [`Unsolved::Interrupted`] soon after a stop is requested, and the errors of

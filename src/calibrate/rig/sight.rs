@@ -33,7 +33,7 @@ pub fn sight(
     sight_with_stop(board, name, image, decoded, &Stop::default())
 }
 
-/// [`sight`], which returns [`NotFound::Interrupted`] soon after a stop is requested.
+/// Like [`sight`], but returns [`NotFound::Interrupted`] soon after a stop is requested.
 pub(super) fn sight_with_stop(
     board: &Board,
     name: &str,

@@ -80,7 +80,7 @@ pub fn solve(
     solve_with_stop(board, poses, camera_px, projector_px, choice, &stop)
 }
 
-/// [`solve`], which another thread can end early.
+/// Like [`solve`], but another thread can end the call early.
 ///
 /// # Errors
 /// Returns [`Unsolved::Interrupted`] soon after a stop is requested, and the errors of [`solve`].

@@ -1,4 +1,4 @@
-//! Predicted image points of a board point, and their derivatives by all unknowns.
+//! Predicted image points of a board point, and their derivatives with respect to all unknowns.
 //!
 //! Order of the unknowns: the rig's, as in `phasmid_geometry::parameters`, then rotation and
 //! translation of a board.
@@ -123,7 +123,7 @@ pub(super) fn linearise(
     let arm = pose.rotation * o.board.extend(0.0);
     let x = arm + pose.translation_mm;
     let seen = state.camera.sight(x)?;
-    // Derivatives of the camera's pixel by its lens and by the board's pose.
+    // Derivatives of the camera's pixel with respect to its lens and the board's pose.
     let mut camera = [DVec2::ZERO; ALL];
     camera[..LENS].copy_from_slice(&seen.by_lens);
     by_motion(&seen.by_point, arm, &mut camera[RIG..]);

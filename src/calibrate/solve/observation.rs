@@ -2,10 +2,10 @@
 //!
 //! A camera point c has covariance C. A projector coordinate p was read at the observed camera
 //! point, not at the true one, so its error is S e + n: e is the camera point's error, S the slope
-//! (the derivative of p by c), n the decoder's own noise of covariance N. With residuals r_c and
-//! r_p (observed minus predicted), the four numbers W_c r_c and W_p (r_p - S r_c) are uncorrelated
-//! and of variance 1 if W_c' W_c = C^-1 and W_p' W_p = N^-1. This whitens the joint 4 x 4
-//! covariance [C, C S'; S C, S C S' + N].
+//! (the derivative of p with respect to c), n the decoder's own noise of covariance N. With
+//! residuals r_c and r_p (observed minus predicted), the four numbers W_c r_c and W_p (r_p - S r_c)
+//! are uncorrelated and of variance 1 if W_c' W_c = C^-1 and W_p' W_p = N^-1. This whitens the
+//! joint 4 x 4 covariance [C, C S'; S C, S C S' + N].
 
 use crate::board::Sighting;
 use glam::{DMat2, DVec2};

@@ -19,8 +19,8 @@ pub(crate) struct Args {
     pub(super) profile: Option<String>,
     #[command(flatten)]
     pub(super) set: SetArgs,
-    /// Captures to calibrate from: a folder with one folder per pose, as `phasmid scan --no-decode`
-    /// writes it: images and their sequence.toml
+    /// Captures to calibrate from: a folder with one subfolder per pose, each with the images and
+    /// the sequence.toml that `phasmid scan --no-decode` writes
     #[arg(long, value_name = "DIR", conflicts_with = "profile")]
     pub(super) captures: Option<PathBuf>,
     #[command(flatten)]

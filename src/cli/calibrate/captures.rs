@@ -42,7 +42,8 @@ fn name(folder: &Path) -> String {
 /// Returns an error if the folder contains no subfolder, or more than `MOST_POSES` subfolders.
 pub(super) fn poses(folder: &Path) -> Result<Vec<PathBuf>> {
     let place = || format!("--captures {}", folder.display());
-    let allowed = format!("a folder with a folder for each pose: pictures and {MANIFEST_FILE}");
+    let allowed =
+        format!("a folder with a subfolder for each pose, each with images and {MANIFEST_FILE}");
     if folder.join(MANIFEST_FILE).exists() {
         let found = format!("{MANIFEST_FILE}, of a single pose");
         return Err(Error::input(place(), found, allowed));
@@ -62,7 +63,7 @@ pub(super) fn poses(folder: &Path) -> Result<Vec<PathBuf>> {
         }
     }
     if poses.is_empty() {
-        return Err(Error::input(place(), "no folder in it", allowed));
+        return Err(Error::input(place(), "no subfolder", allowed));
     }
     poses.sort_unstable();
     Ok(poses)

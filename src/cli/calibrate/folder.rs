@@ -32,7 +32,8 @@ impl Folder {
     /// # Errors
     /// Returns the errors of [`report::check_folder`]. If new captures are to be kept and the
     /// folder has earlier captures, also returns an error without `--force`, or if earlier captures
-    /// are of other poses: old and new captures would later be taken for one calibration.
+    /// are of other poses: old and new captures would later be mistaken for the captures of one
+    /// calibration.
     pub(super) fn prepare(args: &Args, poses: &[String]) -> Result<Self> {
         let captures = args.out.join(CAPTURES);
         let had_captures = captures.symlink_metadata().is_ok();
@@ -107,7 +108,10 @@ fn check_captures(captures: &Path, poses: &[String]) -> Result<()> {
     let is_dir = |path: &Path| path.symlink_metadata().is_ok_and(|about| about.is_dir());
     let refuse = |path: &Path, found| Err(Error::input(path.display(), found, "another --out"));
     if !is_dir(captures) {
-        return refuse(captures, "not a folder, but named like one of captures");
+        return refuse(
+            captures,
+            "not a folder, but has the name of a captures folder",
+        );
     }
     for entry in fs::read_dir(captures).map_err(|e| Error::io(captures, e))? {
         let path = entry.map_err(|e| Error::io(captures, e))?.path();
@@ -116,10 +120,10 @@ fn check_captures(captures: &Path, poses: &[String]) -> Result<()> {
             continue;
         }
         if !is_dir(&path) || !path.join(MANIFEST_FILE).exists() {
-            return refuse(&path, "not a capture, but named like one");
+            return refuse(&path, "not a capture, but has the name of a capture");
         }
         if !poses.iter().any(|pose| *pose == *name) {
-            return refuse(&path, "a capture that is not among those to be replaced");
+            return refuse(&path, "a capture that this calibration would not replace");
         }
     }
     Ok(())

@@ -52,8 +52,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         (None, Some(folder)) => run_captures(args, folder),
         (None, None) => Err(Error::input(
             "--profile",
-            "neither it nor --captures is given",
-            "--profile of a device, or --captures DIR",
+            "neither this option nor --captures is given",
+            "--profile PROFILE or --captures DIR",
         )),
     }
 }
@@ -127,8 +127,7 @@ fn run_emulated(args: &Args, name: &str) -> Result<()> {
     finish(args, out, &calibration, images, remarks, Some(&truth))
 }
 
-/// Returns the parts `found` and `expected` of the error message for the case that no pose shows
-/// the board.
+/// Returns `found` and `expected` of the error message when no pose shows the board.
 fn no_board(poses: &Poses, board: &Board) -> (String, String) {
     let [columns, rows] = board.grid();
     (
@@ -138,7 +137,7 @@ fn no_board(poses: &Poses, board: &Board) -> (String, String) {
             reasons(&poses.missed)
         ),
         format!(
-            "pictures of a board of {columns} x {rows} points, {} mm apart",
+            "images of a board of {columns} x {rows} points, {} mm apart",
             board.pitch_mm()
         ),
     )
@@ -170,7 +169,7 @@ fn solve(args: &Args, board: &Board, poses: &Poses, place: &str) -> Result<Calib
     calibration.map_err(|why| unsolved(&why, poses, place))
 }
 
-/// Converts a failed solution to an input error, because only other poses can resolve it.
+/// Converts a failed solution to an input error, because the user must provide other poses.
 fn unsolved(why: &Unsolved, poses: &Poses, place: &str) -> Error {
     let words = why.to_string();
     let (found, wanted) = words

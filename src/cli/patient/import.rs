@@ -160,7 +160,7 @@ fn say(args: &Args, import: &Import, made: &Imported) {
     let own = |(percent, _): &(f64, PathBuf)| *percent == import.reference_percent;
     if !import.phases.iter().any(own) {
         println!(
-            "  reference   phase {} % has no field of its own: nothing moves there",
+            "  reference   phase {} % has no displacement field: its displacements are zero",
             import.reference_percent
         );
     }

@@ -8,7 +8,7 @@ use phasmid_core::error::Result;
 use phasmid_phantom::{Patient, Phantom, patient_names};
 use std::path::{Path, PathBuf};
 
-/// List or check generated patients, who breathe, or make planning folders from them or from clinical
+/// List or check generated breathing patients, or make planning folders from them or from clinical
 /// data
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
@@ -21,7 +21,7 @@ enum Action {
     /// List the built-in patients.
     #[command(after_help = "Example:\n  phasmid patient list")]
     List,
-    /// Print a patient, as a start for your own.
+    /// Print a patient, as a starting point for your own.
     #[command(after_help = "Example:\n  phasmid patient show p02-man-mean > mine.toml")]
     Show {
         /// Built-in name, or path of a TOML file.

@@ -50,8 +50,8 @@ pub(super) fn run(path: &Path, out: &Path, force: bool) -> Result<()> {
     }
     lines.finish()?;
     let mut earlier = Capture::frames_in(out)?;
-    // Replace only frames of an earlier export, not frames of a scan, whose names have fewer
-    // digits.
+    // Replace only frames of an earlier export. The names of a scan's frames have fewer digits, so
+    // they are not replaced.
     earlier.retain(|frame| frame.as_os_str().len() == frame_name(0).len());
     folder.sparing([path]).finish(earlier, Some(CONVERSATION))?;
     println!(

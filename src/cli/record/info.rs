@@ -75,7 +75,7 @@ fn tell_about(about: &About) {
     println!("recorded     {name}, on {side} side");
     let program = printable(&about.program);
     let since = about.started_unix_s;
-    println!("by           {program}, {since} s after 1970 began");
+    println!("by           {program}, {since} s after the start of 1970");
     let known = |what: &Option<String>| what.as_deref().map(printable);
     if let (Some(profile), Some(scene)) = (known(&about.profile), known(&about.scene)) {
         let seed = about.seed.unwrap_or_default();
@@ -112,7 +112,7 @@ fn tell_frames(summary: &Summary) {
     println!("frames       {count}, ids {first} to {last}, {bytes} bytes of pixels");
     if frames.out_of_order > 0 {
         println!(
-            "             {} do not follow the one before",
+            "             {} do not follow the previous frame",
             frames.out_of_order
         );
     }

@@ -33,7 +33,7 @@ pub(crate) struct Recording {
     path: PathBuf,
     /// Draft folder that contains the file until the file gets its final name.
     unnamed: Option<Unfinished>,
-    /// Result of giving the file its name.
+    /// Result of renaming the file to its final name.
     named: Result<()>,
 }
 

@@ -40,8 +40,8 @@ pub(crate) struct Args {
     /// (`usbip attach`); attach also attaches it to this machine's own kernel.
     #[arg(long, value_name = "HOW", value_enum, num_args = 0..=1, default_missing_value = "export")]
     pub(super) usb: Option<UsbHow>,
-    /// Address at which to export the USB device. USB/IP has no authentication: whoever reaches the
-    /// address can take the device.
+    /// Address at which to export the USB device. USB/IP has no authentication: any host that
+    /// reaches the address can attach the device.
     #[arg(
         long,
         value_name = "IP:PORT",
@@ -64,8 +64,8 @@ pub(crate) struct Args {
     /// rendering a static scene once.
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub(super) time_samples: u32,
-    /// Error in projector pixels, 0 to 1, up to which the geometry of a moving scene is interpolated
-    /// between instants instead of computed at each; 0 computes it at each.
+    /// Maximum error in projector pixels, 0 to 1, of geometry that is interpolated between instants
+    /// of a moving scene; 0 computes the geometry at every instant.
     #[arg(long, value_name = "PX", default_value_t = Options::default().motion_tolerance_px)]
     pub(super) motion_tolerance: f64,
     /// Where the render passes run.
@@ -96,13 +96,13 @@ pub(crate) struct Args {
     /// interface; without a port, on a free one. Prints one address to control and one to view.
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
     pub(super) console: Option<u16>,
-    /// Folder of recordings, which the page can play, and into which it records and uploads.
+    /// Folder of recordings: the page plays them, and stores new and uploaded recordings there.
     #[arg(long, value_name = "DIR", requires = "console")]
     pub(super) recordings: Option<PathBuf>,
     /// Exit when standard input closes, for programs that start a device and may be killed.
     #[arg(long)]
     pub(super) while_stdin: bool,
-    /// How the device time passes, which all devices share.
+    /// Pace of the device time that all devices share.
     #[arg(long, value_enum, default_value_t = Pace::Real)]
     pub(super) clock: Pace,
     /// Record every byte and frame with its time, for `phasmid replay` and `phasmid record info`. Each

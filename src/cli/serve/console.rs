@@ -54,15 +54,15 @@ impl Page {
         self.followers.get(device).map(Follower::observer)
     }
 
-    /// Tells a device's follower the path of the service channel, which reports the device's
-    /// sequence and calibration.
+    /// Passes a device's follower the path of the service channel, from which the follower reads
+    /// the device's sequence and calibration.
     pub(super) fn served(&self, device: usize, endpoints: &Endpoints) {
         if let Some(follower) = self.followers.get(device) {
             follower.ask_at(&endpoints.service);
         }
     }
 
-    /// Returns a text with the page's addresses, for the person who serves the devices.
+    /// Returns a text with the page's addresses, for the operator.
     pub(super) fn about(&self) -> String {
         self.console.as_ref().map_or_else(String::new, |console| {
             let (control, view) = (console.url(), console.view_url());

@@ -140,7 +140,7 @@ mod tests {
         assert!(!run.exists());
         std::fs::create_dir(&run).unwrap();
         drop(Holder::make(&dirs, true).unwrap());
-        assert!(run.exists(), "it was there before");
+        assert!(run.exists(), "the folder existed before");
         drop(Holder::make(&dirs[..1], true).unwrap());
         drop(Holder::make(&dirs, false).unwrap());
         assert_eq!(std::fs::read_dir(&run).unwrap().count(), 0);

@@ -26,7 +26,7 @@ impl Shutdown {
         })
     }
 
-    /// Returns whether there has been a reason to end.
+    /// Returns whether a reason to end has occurred.
     pub(super) async fn has_come(&mut self) -> bool {
         // The event loop checks for signals only while a task waits, so wait briefly.
         let wait = Duration::from_millis(1);

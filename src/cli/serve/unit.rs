@@ -134,7 +134,7 @@ impl Unit {
     }
 
     /// Serves the device from a directory, on a thread of its own; calls `ended` when the device
-    /// ends. Returns the served device with the description of its camera.
+    /// stops. Returns the served device and a description of its camera.
     ///
     /// # Errors
     /// Returns an error if the system refuses a thread, a port or a socket.

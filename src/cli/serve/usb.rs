@@ -36,7 +36,7 @@ pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<(
         if let Some(twin) = profiles[..at].iter().find(|other| id(other) == id(profile)) {
             let found = match twin.name == profile.name {
                 true => "the same profile twice".to_owned(),
-                false => format!("that of profile {} too", twin.name),
+                false => format!("also that of profile {}", twin.name),
             };
             return Err(Error::input(
                 format!(
@@ -45,7 +45,7 @@ pub(super) fn check<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Result<(
                     id(profile).join(" ")
                 ),
                 found,
-                "a model or a serial number of its own for each USB device of a server",
+                "a different model or serial number for each USB device of a server",
             ));
         }
     }
@@ -72,7 +72,7 @@ pub(super) async fn serve_usb(
     if let Some(link) = links.first().filter(|link| !link.listen.ip().is_loopback()) {
         let listen = link.listen;
         eprintln!(
-            "phasmid: USB/IP has no authentication: whoever reaches {listen} can take the device"
+            "phasmid: USB/IP has no authentication: any host that reaches {listen} can attach the device"
         );
     }
     let described = links.into_iter().map(|link| {
@@ -104,7 +104,7 @@ fn how_to_attach(listen: SocketAddr, bus_id: &str) -> String {
         ip if ip.is_unspecified() => "HOST".to_owned(),
         ip => ip.to_string(),
     };
-    format!("a host takes it with usbip {port}attach -r {host} -b {bus_id}")
+    format!("a host attaches it with usbip {port}attach -r {host} -b {bus_id}")
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ pub(super) struct Page;
 
 impl Page {
     /// # Errors
-    /// Returns an error if a page was asked for.
+    /// Returns an error if a page was requested.
     pub(super) fn start<'a>(args: &Args, _: impl Iterator<Item = &'a str>) -> Result<Self> {
         if args.console.is_none() && args.recordings.is_none() {
             return Ok(Self);

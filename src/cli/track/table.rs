@@ -93,7 +93,7 @@ impl Table {
         ]
     }
 
-    /// Adds a scan. Unknown values are empty.
+    /// Adds a line for a scan. Unknown values are left empty.
     ///
     /// # Errors
     /// Returns an error if the line cannot be written.

@@ -12,7 +12,7 @@ pub(super) struct Page<'a>(PhantomData<&'a ()>);
 
 impl<'a> Page<'a> {
     /// # Errors
-    /// Returns an error if a page was asked for.
+    /// Returns an error if a page was requested.
     pub(super) fn start(
         port: Option<u16>,
         _: &'a Planned,

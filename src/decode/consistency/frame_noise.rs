@@ -18,8 +18,8 @@ const THIN: usize = 3;
 const ROWS: usize = 16;
 /// Approximate number of pixels used for the estimate of the noise between neighbouring pixels.
 const SMOOTH: usize = 3_000;
-/// One of this many lit pixels is used for the light of a frame: a prime, so that it is not the same
-/// columns in each row.
+/// Spacing of the lit pixels that are used to measure the light of a frame. It is a prime number, so
+/// the columns differ from row to row.
 const FEW: usize = 5;
 /// Minimum light of a lit pixel in its brightest frame, relative to the 99th percentile of all pixels.
 const LIT: f32 = 0.25;

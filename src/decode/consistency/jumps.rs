@@ -20,7 +20,7 @@ const CONTRAST: f64 = 14.0;
 /// Maximum distance in pixels between two compared pixels; the pixels in between lie on an edge and have
 /// an unclear bit.
 const APART: usize = 4;
-/// Minimum number of edges of a bit for a verdict.
+/// Minimum number of edges of a bit that are needed to judge the bit.
 const FEWEST: usize = 12;
 
 /// Whether an axis has a bit with more edges between distant cells than between adjacent cells.

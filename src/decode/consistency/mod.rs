@@ -64,7 +64,7 @@ use phasmid_geometry::{NoiseModel, Rig};
 use phasmid_pattern::{Axis, Image, Manifest};
 use sample::{Count, FEWEST, Sample};
 
-/// Maximum fraction of contradictory pixels: more than twice that of sound captures.
+/// Maximum fraction of contradictory pixels. Sound captures have less than half of this.
 const RATE: f64 = 2.5e-3;
 /// Maximum fraction of contradictory pixels for a code whose edges coincide with the ends of fringe
 /// periods, where pixels are uncertain.

@@ -106,8 +106,8 @@ fn sinc(t: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Computes the error by its definition: the phase of the mean of the held pixels' phasors over a
-    /// box footprint. The blur is a sum over displaced footprints.
+    /// Computes the error directly from its definition: the phase of the mean phasor of the held
+    /// pixels under a box footprint. Blur is modelled as a weighted sum over shifted footprints.
     fn by_definition(period: f64, width: f64, blur: f64, x: f64) -> f64 {
         let (mut re, mut im) = (0.0, 0.0);
         let displaced = (-40..=40).map(|j| f64::from(j) * 0.1);

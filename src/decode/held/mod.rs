@@ -21,7 +21,7 @@ use posterior::NEGLIGIBLE;
 pub use posterior::Table;
 use rayon::prelude::*;
 
-/// Treatment of the error due to held projector pixels.
+/// How the decoder treats the error due to held projector pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Held {
     /// Neither states nor corrects the error.

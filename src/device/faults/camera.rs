@@ -44,7 +44,7 @@ impl Faults {
                     What::WrongPattern { offset } => show_other(shot, offset, pattern_images),
                     What::PartialExposure { fraction } => dim(shot, fraction),
                     What::Disconnect { for_ms } => self.disconnect(ns(for_ms)),
-                    // Exposed frames are lost with the device's memory.
+                    // A reset clears the device's memory, so exposed frames are lost.
                     What::Reset => self.reset(Some(last)),
                     _ => later.push((effect, draws)),
                 }
@@ -138,7 +138,7 @@ impl Faults {
     }
 
     fn hold(&mut self, frame: Arc<Frame>, due_ns: u64) {
-        // A frame without room in the queue is lost, as in any driver.
+        // A frame that does not fit into the queue is lost, as in any driver.
         let bytes = frame.data.len();
         let _ = self.frames.push(self.now_ns, due_ns, bytes, frame);
     }

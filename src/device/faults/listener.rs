@@ -1,4 +1,4 @@
-//! Finds where messages to the device end, in any dialect, and which command each one is.
+//! Finds the end of each message to the device, in any dialect, and identifies its command.
 
 use phasmid_protocol::dialect::{Cut, Cutter, Dialect, Direction};
 use phasmid_protocol::scpi::{Framer, Framing};

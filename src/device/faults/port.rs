@@ -127,8 +127,8 @@ impl Faults {
         }
         let due_ns = now_ns.saturating_add(late_ns);
         for _ in 0..copies {
-            // A reply without room in the queue is lost: the client sends queries without reading
-            // the replies.
+            // A reply that does not fit into the queue is lost: the client is sending queries
+            // without reading the replies.
             let _ = self
                 .replies
                 .push(now_ns, due_ns, bytes.len(), bytes.clone());

@@ -16,7 +16,7 @@ use phasmid_render::led::Emission;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Flag bit by which free-running exposures get other noise than triggered exposures.
+/// Flag bit that gives free-running exposures different noise from triggered exposures.
 const FREE_RUNNING: u64 = 1 << 63;
 
 impl Firmware {
@@ -309,7 +309,7 @@ impl Firmware {
     }
 
     /// Returns whether the projector may emit light: its lamp is on, or it has a modelled source,
-    /// which glows on after it is switched off.
+    /// which keeps glowing after it is switched off.
     fn shows(&self) -> bool {
         self.settings.lamp || self.shining.is_some()
     }

@@ -55,7 +55,7 @@ impl Firmware {
     fn message(&mut self, message: &[u8], origin: Origin) {
         let program = parse(message);
         // A trigger or ABORt acts at once even behind a waiting *OPC?, like the interface messages
-        // GET and DCL on a bus; a device that waits for a trigger could not be reached without this.
+        // GET and DCL on a bus; otherwise no command could reach a device that waits for a trigger.
         if self.block.is_some() && program.error.is_none() && program.units.iter().all(urgent) {
             let errors = program.units.iter().filter_map(|u| self.execute(u).err());
             let errors = errors.collect();

@@ -182,8 +182,8 @@ impl Firmware {
             self.select(self.memory.first().clone());
             self.rest();
         } else {
-            // A link that refuses the change keeps its format. No client is connected that could be
-            // notified.
+            // A link that refuses the change keeps its format. No client is connected, so nobody
+            // needs to be notified.
             let _ = self.reset();
         }
         self.events.clear();

@@ -44,7 +44,7 @@ impl Register {
         self.condition = condition;
     }
 
-    /// Sets event bits for an event without duration.
+    /// Sets event bits for an instantaneous event.
     pub(super) fn happen(&mut self, event: u16) {
         self.event |= event;
     }

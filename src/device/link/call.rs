@@ -111,7 +111,7 @@ impl Server {
                 }
             }
         };
-        // The client may have disconnected.
+        // Ignore an error: the client may have disconnected.
         let _ = reply.send((answer, Vec::new()));
     }
 
@@ -154,8 +154,8 @@ impl Server {
         let faults = struck.filter(|s| s.frame == Some(id)).cloned().collect();
         let (sender, truth) = oneshot::channel();
         let job = TruthJob {
-            // Signal levels depend on settings that may have changed since the exposure, so they
-            // are left out.
+            // Signal levels depend on settings that may have changed since the exposure, so the
+            // truth omits them.
             sequence: Vec::new(),
             time_ns: Some(time_ns),
             back: (then, now),
@@ -191,7 +191,7 @@ impl Server {
                 Ok(Err(why)) => (Reply::refusal(why), Vec::new()),
                 Err(_) => (Reply::refusal("the device is shutting down"), Vec::new()),
             };
-            // The client may have disconnected.
+            // Ignore an error: the client may have disconnected.
             let _ = reply.send(answer);
         });
     }
@@ -216,7 +216,7 @@ impl Server {
                 },
                 Err(_) => Reply::refusal("the device is shutting down"),
             };
-            // The client may have disconnected.
+            // Ignore an error: the client may have disconnected.
             let _ = reply.send((answer, Vec::new()));
         });
     }
@@ -246,7 +246,7 @@ impl Server {
                 Ok(Err(why)) => Reply::refusal(why),
                 Err(_) => Reply::refusal("the device is shutting down"),
             };
-            // The client may have disconnected.
+            // Ignore an error: the client may have disconnected.
             let _ = reply.send((answer, Vec::new()));
         });
     }
@@ -286,7 +286,7 @@ impl Server {
                 },
                 Err(why) => Reply::refusal(why.to_string()),
             };
-            // The client may have disconnected.
+            // Ignore an error: the client may have disconnected.
             let _ = reply.send((answer, Vec::new()));
         });
     }

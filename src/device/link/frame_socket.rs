@@ -44,8 +44,8 @@ const MAX_PENDING: usize = 32;
 /// a flood, and that a connection gets into a kernel queue that a flood keeps full. The client's
 /// system then retries the connection.
 const HEARING: Duration = Duration::from_millis(100);
-/// Maximum number of TCP connections accepted at a time, so that a flood of them cannot hold the
-/// device.
+/// Maximum number of TCP connections accepted at a time, so that a flood of connections cannot
+/// block the device.
 const MAX_ACCEPTED: usize = 64;
 /// Maximum number of refused clients of each link (Unix socket, TCP) that are being sent the reason;
 /// further refused connections are closed without a reason.
@@ -283,8 +283,8 @@ impl FrameSocket {
         self.clients
             .retain(|client| client.queue.strong_count() > 0);
         self.counts.1 += (before - self.clients.len()) as u64;
-        // After any error except "would block" the client stays in the kernel's queue until the
-        // next call.
+        // After any error other than "would block", the client stays in the kernel's queue until
+        // the next call.
         while let Ok((stream, _)) = self.unix.accept() {
             if stream.set_nonblocking(true).is_ok()
                 && let Ok(stream) = tokio::net::UnixStream::from_std(stream)
@@ -821,7 +821,7 @@ mod tests {
                 .collect();
             socket.accept(0);
             tokio::time::sleep(4 * socket.stall).await;
-            assert!(socket.attended(), "nothing waits for them yet");
+            assert!(socket.attended(), "no frames are queued yet");
             socket.put(frame(0));
             tokio::time::sleep(4 * socket.stall).await;
             assert!(!socket.attended());

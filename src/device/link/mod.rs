@@ -43,7 +43,7 @@ use std::fmt;
 use std::sync::Arc;
 
 /// Receives messages for the operator of a device, from any of the device's threads. The default
-/// ignores them.
+/// value ignores all messages.
 #[derive(Clone)]
 pub struct Notice(Arc<dyn Fn(&str) + Send + Sync>);
 

@@ -3,7 +3,8 @@
 //! The device keeps a descriptor of the client's side open, so that the port outlives its clients;
 //! an inotify watch reports when the last client has closed the port. The device then discards
 //! unread output and clears an exclusive lock, as if a cable had been pulled: otherwise the lock of
-//! a crashed client would remain. Replies sent while there is no client are lost, as on a wire.
+//! a crashed client would remain. Replies sent while there is no client are lost, as on a physical
+//! line.
 
 use super::readiness::{stirs, watched};
 use phasmid_core::error::{Error, Result};
@@ -21,8 +22,8 @@ use tokio::io::unix::AsyncFd;
 
 /// Maximum total size in bytes of the replies queued for a client.
 const MAX_OUTPUT: usize = 1 << 20;
-/// Maximum number of bytes read at a time; small, so that the reply to the first command does not
-/// wait for the last command.
+/// Maximum number of bytes read at a time; it is small, so that the reply to the first command need
+/// not wait for the last one.
 const MOST_AT_ONCE: usize = 1 << 10;
 /// Interval at which replies are sent again after the kernel's buffer was full.
 const RETRY: Duration = Duration::from_millis(5);
@@ -50,7 +51,7 @@ pub(super) struct Pty {
     tells_writes: bool,
     /// Whether no write has been reported since a client opened the previously unused port.
     unwritten: bool,
-    /// Whether a write was reported whose bytes may not have been read yet.
+    /// Whether a write has been reported and its bytes may not have been read yet.
     written: bool,
     /// Value of `written` when the last client closed the port.
     left_unread: bool,
@@ -152,7 +153,8 @@ impl Pty {
             tokio::select! {
                 ready = watch_stirs(self.watch.as_ref()) => ready.map_err(io)?,
                 ready = stirs(&self.master) => ready.map_err(io)?,
-                // Linux wakes a pty's writer before it has made room, and not again afterwards.
+                // Linux wakes a pty's writer once, before the buffer has room again, so retry after
+                // a delay.
                 () = tokio::time::sleep(RETRY), if !self.output.is_empty() => {}
             }
         }
@@ -384,7 +386,7 @@ mod tests {
             let (mut heard, mut left) = (0, 0);
             while heard < CLIENTS {
                 let next = tokio::time::timeout(Duration::from_secs(20), pty.next()).await;
-                match next.expect("a client that was not heard").unwrap() {
+                match next.expect("a client's bytes did not arrive").unwrap() {
                     Event::Data(bytes) => {
                         assert_eq!(bytes, b"*TST?\n");
                         heard += 1;

@@ -119,7 +119,7 @@ impl<W: Fn() -> Duration> Work<W> {
                     None => self.renderer.truth(&job.sequence),
                 });
                 let back = self.place_all(now);
-                // The client may have disconnected.
+                // Ignore an error: the client may have disconnected.
                 let _ = job.reply.send(truth.and_then(|truth| back.map(|()| truth)));
             }
             Job::Change(change, reply) => {
@@ -129,7 +129,7 @@ impl<W: Fn() -> Duration> Work<W> {
                     Change::Moves(moves) => self.place_all(&moves),
                     Change::Scene(scene) => self.renderer.change(*scene),
                 };
-                // The client may have disconnected.
+                // Ignore an error: the client may have disconnected.
                 let _ = reply.send(changed);
             }
             Job::Plan(forced, reply) => {
@@ -137,7 +137,7 @@ impl<W: Fn() -> Duration> Work<W> {
                     self.finish_all();
                     self.renderer.force(term, included);
                 }
-                // The client may have disconnected.
+                // Ignore an error: the client may have disconnected.
                 let _ = reply.send(self.renderer.decisions());
             }
         }

@@ -111,8 +111,7 @@ impl RunDir {
         Ok(dir)
     }
 
-    /// Lists the files of the directory; `None` if one of them is a file that no device leaves
-    /// behind.
+    /// Lists the files of the directory; `None` if it contains a file that no device leaves behind.
     fn leftovers(&self) -> std::io::Result<Option<Vec<PathBuf>>> {
         let mut found = Vec::new();
         for entry in fs::read_dir(&self.path)? {
@@ -255,7 +254,7 @@ mod tests {
         let dir = RunDir::claim(&path).unwrap();
         assert_eq!(fs::read_dir(&path).unwrap().count(), 0);
         drop(dir);
-        assert!(!path.exists(), "it was a device's own");
+        assert!(!path.exists(), "the killed device had created the folder");
 
         fs::DirBuilder::new().mode(0o700).create(&path).unwrap();
         leave();

@@ -29,7 +29,7 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-/// Maximum number of exposures that wait for the optics; at this number device time stops.
+/// Maximum number of exposures that wait for the optics; device time stops while this many wait.
 const MAX_BACKLOG: usize = 8192;
 /// Maximum number of free-running exposures that wait for the optics; further ones are dropped, as a
 /// camera does.
@@ -260,7 +260,7 @@ impl Server {
             || self.usb.as_ref().is_some_and(Binding::attended)
     }
 
-    /// Returns whether some client can take another free-running frame now.
+    /// Returns whether any client can accept another free-running frame now.
     fn keeps_up(&self) -> bool {
         self.video.is_some()
             || self.camera.attended()

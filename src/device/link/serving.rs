@@ -213,9 +213,9 @@ impl Serving {
         &self.endpoints
     }
 
-    /// Returns the render time of the latest frames divided by the interval of their exposures. It
-    /// is `None` unless device time is real time and the machine has been too slow for it. This is
-    /// the present value of [`Endpoints::slowdown`].
+    /// Returns the render time of the latest frames divided by the interval of their exposures;
+    /// `None` unless device time is real time and the machine has been too slow to keep up. This is
+    /// the current value of [`Endpoints::slowdown`].
     pub fn slowdown(&self) -> Option<f64> {
         *self.slowdown.borrow()
     }

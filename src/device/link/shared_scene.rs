@@ -113,8 +113,8 @@ impl SharedScene {
     /// Moves an object for all devices and returns its previous pose.
     ///
     /// # Errors
-    /// Returns the error of [`Scene::place`], or an error if another change waits to be settled. On an
-    /// error nothing changes.
+    /// Returns the error of [`Scene::place`], or an error if another change waits to be settled.
+    /// After an error, nothing has changed.
     pub(super) fn place(&self, placement: Placement) -> Result<Placement> {
         let mut shared = self.shared();
         shared.check()?;
@@ -141,8 +141,8 @@ impl SharedScene {
     /// Recorded poses of objects are discarded, because they belong to the previous scene.
     ///
     /// # Errors
-    /// Returns the error of [`Scene::set`], or an error if another change waits to be settled. On an
-    /// error nothing changes.
+    /// Returns the error of [`Scene::set`], or an error if another change waits to be settled.
+    /// After an error, nothing has changed.
     pub(super) fn set(&self, setting: Setting) -> Result<()> {
         let mut shared = self.shared();
         shared.check()?;
@@ -300,7 +300,7 @@ impl Shared {
 fn place(object: &Object, time_ns: u64) -> PlaceAbout {
     let moved = match &object.motion {
         Some(motion) if motion.goes_anywhere() => motion.trajectory().pose(time_ns as f64 * 1e-9),
-        // The numbers as in the scene's file, without rounding.
+        // Return the numbers of the scene's file without rounding.
         _ => {
             return PlaceAbout {
                 position_mm: object.position_mm,
@@ -386,7 +386,7 @@ mod tests {
         for x in 0..5000 {
             shared_scene.place(placement(f64::from(x))).unwrap();
         }
-        assert_eq!(shared_scene.back_to(900), None, "it is bounded");
+        assert_eq!(shared_scene.back_to(900), None, "the history is bounded");
         assert_eq!(shared_scene.back_to(1000), Some(vec![placement(997.0)]));
         assert_eq!(shared_scene.shared().moves.len(), MAX_MOVES);
     }
@@ -398,7 +398,10 @@ mod tests {
         let before = shared_scene.scene();
         let set = |text: &str| shared_scene.set(text.parse().unwrap());
         set("object[0].albedo=0.25").unwrap();
-        assert!(set("object[0].albedo=0.3").is_err(), "one at a time");
+        assert!(
+            set("object[0].albedo=0.3").is_err(),
+            "only one change at a time"
+        );
         assert!(shared_scene.place(placement(3.0)).is_err());
         let Change::Scene(now) = shared_scene.since(1).0 else {
             panic!("the scene has changed");
@@ -406,7 +409,11 @@ mod tests {
         assert_eq!((before.object[0].albedo, now.object[0].albedo), (0.5, 0.25));
         assert_eq!(now.object[0].position_mm, [1.0, 0.0, 0.0]);
         assert_eq!(shared_scene.since(2), (Change::Moves(vec![]), 2));
-        assert_eq!(shared_scene.back_to(1), None, "the scene was another one");
+        assert_eq!(
+            shared_scene.back_to(1),
+            None,
+            "the history was discarded with the old scene"
+        );
         assert_eq!(shared_scene.back_to(2), Some(vec![]));
         shared_scene.settle(true);
         assert!(set("object[0].albedo=9").is_err());
@@ -427,7 +434,7 @@ mod tests {
                 .objects(time_s * 1_000_000_000, 0, scene.rig)
                 .unwrap();
             let patients: Vec<_> = now.objects.iter().filter_map(|o| o.patient).collect();
-            assert_eq!(patients.len(), 1, "the couch has none");
+            assert_eq!(patients.len(), 1, "only the patient has anatomy");
             patients[0]
         };
         // The planning isocentre is the origin of the room; the remaining distance is set-up error

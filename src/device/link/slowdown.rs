@@ -23,7 +23,7 @@ const MAX_FRAMES: usize = 1000;
 const MIN_SLOWDOWN: f64 = 1.5;
 /// Factor by which a reported slowdown must change to be reported again.
 const CHANGE: f64 = 1.5;
-/// Smaller slowdowns are reported as this value when the machine has become fast again.
+/// When the machine has become fast again, slowdowns smaller than this are reported as this value.
 const MIN_REPORTED: f64 = 0.1;
 
 /// Measures the slowdown of a device with a clock in real time.
@@ -126,11 +126,19 @@ mod tests {
         let mut interval =
             |index, start_ms: u64| slowdown.interval(index, start_ms * 1_000_000, 33_000_000);
         assert_eq!(interval(None, 0), ms(33));
-        assert_eq!(interval(None, 990), ms(33), "also if others were skipped");
+        assert_eq!(
+            interval(None, 990),
+            ms(33),
+            "skipped frames do not lengthen the interval"
+        );
         assert_eq!(interval(Some(0), 1000), None);
         assert_eq!(interval(Some(1), 1016), ms(16));
         assert_eq!(interval(Some(2), 1032), ms(16));
-        assert_eq!(interval(Some(0), 9000), None, "the pause before a sequence");
+        assert_eq!(
+            interval(Some(0), 9000),
+            None,
+            "a pause before a sequence does not count"
+        );
         assert_eq!(interval(Some(2), 9016), None, "an exposure is missing");
     }
 

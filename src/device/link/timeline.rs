@@ -321,7 +321,7 @@ impl State {
     /// Cancels all steps in progress.
     fn call_off(&mut self, now_ns: u64) {
         for step in self.steps.drain(..) {
-            // The client may have disconnected.
+            // Ignore an error: the client may have disconnected.
             let _ = step.done.send(Stepped::CalledOff(now_ns));
         }
     }
@@ -359,7 +359,7 @@ impl State {
         } else if stepped {
             self.now_ns = self.target_ns;
             for step in self.steps.drain(..) {
-                // The client may have disconnected.
+                // Ignore an error: the client may have disconnected.
                 let _ = step.done.send(Stepped::Done(self.now_ns));
             }
         }

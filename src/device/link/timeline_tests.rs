@@ -70,7 +70,7 @@ fn time_does_not_pass_the_limit_of_a_waiting_device() {
         assert!(beyond.await.is_err());
         assert_eq!(timeline.now_ns(), 0);
         tokio::select! {
-            () = one.wait(held) => panic!("it waits for nothing"),
+            () = one.wait(held) => panic!("this device has no event"),
             () = two.wait(until(49)) => {}
         }
         assert_eq!(timeline.now_ns(), 49);
@@ -93,7 +93,10 @@ fn stepped_time_stops_at_target_and_reports_completion() {
         for due in [400, 1000] {
             seat.wait(until(due)).await;
             log.lock().unwrap().push(timeline.now_ns());
-            assert!(step.ended.try_recv().is_err(), "it is not handled yet");
+            assert!(
+                step.ended.try_recv().is_err(),
+                "the event at the end is not handled yet"
+            );
         }
         // An operation is in progress, so the step does not end.
         let wait = seat.wait(Wait::default());
@@ -104,7 +107,7 @@ fn stepped_time_stops_at_target_and_reports_completion() {
         );
         assert!(step.ended.try_recv().is_err());
         tokio::select! {
-            () = seat.wait(until(1001)) => panic!("beyond the step"),
+            () = seat.wait(until(1001)) => panic!("time must not pass the end of the step"),
             now = &mut step.ended => assert_eq!(now, Ok(Stepped::Done(1000))),
         }
         let wait = tokio::time::timeout(Duration::from_millis(5), seat.wait(until(1001)));

@@ -114,8 +114,8 @@ impl Interpreter {
         };
         let left: VecDeque<_> = self.dialect.runs(&asked).into();
         let urgent = left.iter().all(|m| Firmware::acts_at_once(m.as_bytes())) && !left.is_empty();
-        // An urgent request is accepted even beyond the limit, since only it may be able to end the
-        // wait.
+        // An urgent request is accepted even beyond the limit, since it may be the only way to end
+        // the wait.
         if self.requests.len() >= MAX_REQUESTS + usize::from(urgent) {
             let error = ErrorCode::InputBufferOverrun.with("too many requests are pending");
             let bytes = self.dialect.refusal(&asked, &error);

@@ -47,7 +47,7 @@ fn rules(machine: &Machine) -> Check {
     let without_udev = if machine.has("run/udev") {
         ""
     } else {
-        "; no udev runs here to apply them"
+        "; udev does not run here, so nothing applies them"
     };
     let Some(path) = ours else {
         let found = format!("not installed: no stable names{without_udev}");
@@ -57,7 +57,7 @@ fn rules(machine: &Machine) -> Check {
     if machine.text(&path).as_deref() == Some(UDEV.text) {
         check(format!("{shown}{without_udev}"))
     } else {
-        let found = format!("{shown} is not this version's{without_udev}");
+        let found = format!("{shown} differs from this version's file{without_udev}");
         check(found).but(Status::Note, install_rules())
     }
 }
@@ -73,7 +73,7 @@ fn options(machine: &Machine) -> Check {
             return if text == MODPROBE.text {
                 check(shown)
             } else {
-                let found = format!("{shown} is not this version's");
+                let found = format!("{shown} differs from this version's file");
                 check(found).but(Status::Note, install_options())
             };
         }

@@ -51,7 +51,7 @@ pub(super) fn check(machine: &Machine) -> Check {
 /// distribution's own repositories.
 fn source(machine: &Machine) -> &'static str {
     if package_tool(machine) == Some("usr/bin/dnf") {
-        "; RPM Fusion has it"
+        "; the package is in RPM Fusion"
     } else {
         ""
     }

@@ -203,7 +203,7 @@ fn access(machine: &Machine, node: &Node) -> Option<Check> {
         )
     } else {
         (
-            "; join the group and log in anew",
+            "; join the group and log in again",
             format!("sudo usermod -aG {group} {user}"),
         )
     };
@@ -244,7 +244,7 @@ fn names(machine: &Machine, ours: &[&Node]) -> Check {
         _ => "have",
     };
     found.push(format!(
-        "{} {verb} none under /dev/phasmid",
+        "{} {verb} no link under /dev/phasmid",
         without.join(", ")
     ));
     Check::ok("stable names", Feature::V4l2, found.join("; ")).but(Status::Note, install_rules())

@@ -44,7 +44,8 @@ struct State {
     board: Board,
     /// Number of times that the board was changed.
     boards: u64,
-    /// Number of changes so far, by which viewers notice that their list of poses is outdated.
+    /// Number of changes so far. Viewers compare it with the number they know, to notice that their
+    /// list of poses is outdated.
     changes: u64,
     poses: Vec<Pose>,
     /// Number of the pose that was taken last. Numbers are not reused.

@@ -124,7 +124,8 @@ impl Follower {
         Self::of_host(source)
     }
 
-    /// [`Self::start`] for frames that a host has received, with times on the host's clock.
+    /// Starts a follower as [`Self::start`] does, for frames that a host has received, with times
+    /// on the host's clock.
     pub(super) fn of_host(source: Source) -> Result<Self> {
         let inbox = Arc::new(Inbox::default());
         let_calibrate(&source);

@@ -23,12 +23,12 @@ const MAX_REPLY: usize = 64 << 10;
 const QUIET: Duration = Duration::from_millis(300);
 /// Time between two attempts to use the port.
 const SOON: Duration = Duration::from_millis(10);
-/// Maximum time to send a line. Also the maximum time from then until the reply to a query begins.
+/// Maximum time to send a line, and maximum time from then until the reply to a query begins.
 const REPLY: Duration = Duration::from_secs(3);
 
-/// Shows a camera's live frames until `flow` breaks. When viewers ask for it, scans, or sends lines to
-/// the control port. Between scans the camera is left as it was found and the port is closed, so that
-/// other programs can use it.
+/// Shows a camera's live frames until `flow` returns `Break`. When viewers ask for it, scans, or
+/// sends lines to the control port. Between scans the camera is left as it was found and the port
+/// is closed, so that other programs can use it.
 ///
 /// ```no_run
 /// use phasmid::{Console, ConsoleOptions, ScanOptions};

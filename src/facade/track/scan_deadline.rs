@@ -68,7 +68,7 @@ mod tests {
         let mut scan_deadline = ScanDeadline::new(ms(40));
         assert_eq!(scan_deadline.left(at(0)), FOREVER);
         scan_deadline.heard(at(0));
-        assert_eq!(scan_deadline.left(at(5)), FOREVER, "one tells no interval");
+        assert_eq!(scan_deadline.left(at(5)), FOREVER, "no interval yet");
         scan_deadline.heard(at(10));
         assert_eq!(scan_deadline.left(at(20)), ms(30));
         assert_eq!(scan_deadline.left(at(70)), Duration::ZERO);

@@ -27,8 +27,9 @@ impl Span {
         Duration::from_nanos(self.end_ns)
     }
 
-    /// Returns the time from the middle of the scan to its end; `None` if the links carry no times. The
-    /// measured surface of a patient in uniform motion is the surface in the middle of the scan.
+    /// Returns the time from the middle of the scan to its end; `None` if the links carry no times.
+    /// If a patient moves uniformly, the measured surface is the patient's surface in the middle of
+    /// the scan.
     pub(super) fn middle_to_end(&self) -> Option<Duration> {
         let length_ns = self.end_ns.checked_sub(self.begin_ns?)?;
         (length_ns > 0).then_some(Duration::from_nanos(length_ns / 2))

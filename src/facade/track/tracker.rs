@@ -58,9 +58,9 @@ pub struct Tracked {
     /// Device time at the end of the last exposure, counted from power-on; zero if the links carry no
     /// times.
     pub time: Duration,
-    /// Device time halfway from the start of the first exposure to the end of the last; `None` if the
-    /// links carry no times. The measured surface of a patient in uniform motion is the surface at this
-    /// time.
+    /// Device time halfway from the start of the first exposure to the end of the last; `None` if
+    /// the links carry no times. If a patient moves uniformly, the measured surface is the
+    /// patient's surface at this time.
     pub middle: Option<Duration>,
     /// Total number of points that the pods measured.
     pub points: usize,
@@ -77,8 +77,8 @@ pub struct Tracked {
     pub decoding: Duration,
     /// Time on the host's clock from the arrival of the last frame to this result.
     pub latency: Duration,
-    /// Time from [`Self::middle`] to this result: the device time from there to [`Self::time`],
-    /// plus [`Self::latency`]. `None` if the links carry no times.
+    /// Time from [`Self::middle`] to this result: the device time from the middle to
+    /// [`Self::time`], plus [`Self::latency`]. `None` if the links carry no times.
     pub since_motion: Option<Duration>,
 }
 

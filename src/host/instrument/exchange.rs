@@ -84,8 +84,9 @@ impl<P: CommandPort> Instrument<P> {
         Self::open_chatty(port, Vec::new(), timeout)
     }
 
-    /// [`Self::open`] for a device that sends the messages in `chatter`, in any number and order,
-    /// at power-on. Such a message is neither an answer nor a sign of a corrupted answer.
+    /// Starts a conversation as [`Self::open`] does, with a device that sends the messages in
+    /// `chatter`, in any number and order, at power-on. Such a message is neither an answer nor a
+    /// sign of a corrupted answer.
     ///
     /// # Errors
     /// Same as [`Self::open`].

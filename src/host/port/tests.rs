@@ -87,7 +87,7 @@ fn fill(port: &mut SerialPort) -> (String, usize, Duration) {
             return (error.to_string(), sent * line.len(), longest);
         }
     }
-    panic!("a pty without a bottom");
+    panic!("the pty accepts data without limit");
 }
 
 #[test]

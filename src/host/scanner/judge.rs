@@ -47,7 +47,8 @@ pub(super) fn judge(
     same_kind(frame, first, size)
 }
 
-/// [`judge`] for frames that do not identify themselves: their ids are only running numbers.
+/// Checks frames as [`judge`] does, for frames that do not identify themselves: their ids are only
+/// running numbers.
 pub(super) fn judge_counted(
     frame: &Frame,
     before: &[Frame],

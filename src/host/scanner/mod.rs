@@ -161,7 +161,7 @@ impl<C: Camera, P: CommandPort> Scanner<C, P> {
         Self::with_dialect(port, None, timeout, open_camera)
     }
 
-    /// [`Self::new`] for a device that speaks a dialect other than SCPI.
+    /// Creates a scanner as [`Self::new`] does, for a device that speaks a dialect other than SCPI.
     ///
     /// # Errors
     /// Same as [`Self::new`].

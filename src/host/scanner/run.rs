@@ -17,7 +17,8 @@ use std::time::{Duration, Instant};
 const QUIET: Duration = Duration::from_millis(20);
 /// Time between two reports while a frame is awaited.
 const SLICE: Duration = Duration::from_millis(100);
-/// Maximum memory for the frames of a run, in bytes; the decoder has the same limit for files.
+/// Maximum memory for the frames of a run, in bytes. The decoder has the same limit for frames in
+/// files.
 const MAX_BYTES: u64 = 4 << 30;
 /// Minimum distance of a frame's timestamp from the trigger, in nanoseconds, at which the driver is
 /// assumed to use a clock other than the monotonic one.

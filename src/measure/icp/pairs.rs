@@ -42,7 +42,7 @@ pub(super) const UNKNOWNS: usize = 6;
 pub(super) struct Scale {
     /// Standard deviation of the residuals, from their median.
     pub(super) robust: f64,
-    /// Pairs with a larger residual have no weight, if the motion is final.
+    /// Final cutoff: pairs with a larger residual have zero weight in the last steps.
     pub(super) cutoff: f64,
     /// Cutoff for the first step: four times the RMS of the best 99 %. In a flat scene the residuals of
     /// nearly all points are 0 at this step; the few points on slopes, which alone determine the

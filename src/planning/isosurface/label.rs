@@ -37,7 +37,7 @@ pub(super) fn fill(bits: &mut Bits, place: &str) -> Result<()> {
 
 /// Runs of equal bits in the rows of the volume's slices, merged where they touch.
 struct Runs {
-    /// Index of the first bit, and one past the index of the last bit.
+    /// Range of bits: index of the first bit, and one past the index of the last bit.
     spans: Vec<[u32; 2]>,
     /// An earlier run of the same component, or the run itself.
     parents: Vec<u32>,

@@ -255,7 +255,7 @@ fn errors_name_line_and_key() {
             ("ElementDataFile", "s%03d.raw 1 2 1"),
             "slices in files of their own",
         ),
-        (("ElementDataFile", "absent.raw"), "a file that is there"),
+        (("ElementDataFile", "absent.raw"), "an existing file"),
         (("ElementDataFile", "-"), "f.mha:9: "),
         (
             ("HeaderSize", "4"),

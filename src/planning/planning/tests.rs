@@ -217,7 +217,7 @@ fn refuses_fields_that_do_not_match() {
     );
     let absent = complaint(|path| std::fs::remove_file(path.join("dvf_50.mha")).unwrap());
     assert!(
-        absent.contains("phase[1].field: ") && absent.contains("a file that is there"),
+        absent.contains("phase[1].field: ") && absent.contains("an existing file"),
         "{absent}"
     );
     let spacing = complaint(|path| {

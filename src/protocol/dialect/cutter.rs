@@ -2,7 +2,7 @@
 //!
 //! After any error the stream resynchronises: a line dialect at the next line end, a packet dialect
 //! at the next plausible header, with a matching checksum if packets have one. If packets have
-//! neither start bytes nor a checksum, garbage that looks like a header swallows bytes of the
+//! neither start bytes nor a checksum, garbage that looks like a header consumes bytes of the
 //! following packet; the client must then retry.
 
 use super::command::LineEnds;

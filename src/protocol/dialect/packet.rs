@@ -26,7 +26,7 @@ pub(super) struct Layout {
 /// Result of reading the start of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Extent {
-    /// Too few bytes to decide.
+    /// More bytes are needed to decide.
     More,
     /// Total length in bytes, and end of the data.
     Whole { len: usize, data_end: usize },

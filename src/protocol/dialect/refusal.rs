@@ -27,7 +27,7 @@ impl Dialect {
         self.refuse(self.head(asked), asked.wants_reply, own, "")
     }
 
-    /// Returns the header fields of a valid packet for the reply to it.
+    /// Returns the header fields of a valid packet, for use in the reply.
     fn head(&self, asked: &Asked) -> Head {
         let command = self.command(&asked.command);
         let (read, code) = command.map_or((false, 0), |c| (c.read, c.code));

@@ -125,7 +125,7 @@ pub struct WireError {
     pub error: DeviceError,
     /// Header fields of the packet, which the answer repeats.
     pub head: Head,
-    /// Whether a reply is due: damaged packets are not answered.
+    /// Whether the device replies: damaged packets are not answered.
     pub wants_reply: bool,
 }
 

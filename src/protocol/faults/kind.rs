@@ -159,29 +159,29 @@ kinds! {
     "dropped" = Dropped on Camera
     /// The frame arrives twice.
     "repeated" = Repeated on Camera
-    /// The frame arrives late, and those behind it wait.
+    /// The frame arrives late, and later frames wait behind it.
     "late" = Late on Camera {
         /// Delay.
         by_ms: f64 = 500.0, [0.0, 3.6e6] "ms";
     }
     /// The frame arrives after the next one.
     "swapped" = Swapped on Camera {
-        /// Longest wait for the next frame.
+        /// Maximum wait for the next frame.
         by_ms: f64 = 1000.0, [0.0, 3.6e6] "ms";
     }
-    /// The frame shows the previous frame from a row on.
+    /// From a given row down, the frame shows the previous frame.
     "torn" = Torn on Camera {
-        /// First affected row of the transmitted image, from its top; the middle one when absent.
+        /// First affected row of the transmitted image, from its top; the middle row when absent.
         row: Option<u32> = None, [1.0, 65535.0] "";
     }
-    /// Rows are missing, those below move up, and as many at the bottom are black.
+    /// Rows are missing: the rows below move up, and black rows fill the bottom.
     "rows-missing" = RowsMissing on Camera {
-        /// First missing row of the transmitted image, from its top; the middle one when absent.
+        /// First missing row of the transmitted image, from its top; the middle row when absent.
         row: Option<u32> = None, [0.0, 65535.0] "";
         /// Number of rows.
         rows: u32 = 8, [1.0, 65535.0] "";
     }
-    /// Bits anywhere in the frame, its embedded data line included, are flipped.
+    /// Bits anywhere in the frame, including its embedded data line, are flipped.
     "bits-flipped" = BitsFlipped on Camera {
         /// Number of bits.
         count: u32 = 64, [1.0, 1e6] "bits";
@@ -190,17 +190,17 @@ kinds! {
     "dark" = Dark on Camera
     /// The projector shows another pattern of the sequence.
     "wrong-pattern" = WrongPattern on Camera {
-        /// Places from the right pattern to the one shown; the sequence wraps around.
+        /// Offset from the correct pattern to the shown pattern; the sequence wraps around.
         offset: i32 = 1, [-4096.0, 4096.0] "patterns, not 0";
     }
-    /// The projector is lit for a part of the exposure.
+    /// The projector is lit for only a fraction of the exposure.
     "partial-exposure" = PartialExposure on Camera {
-        /// Lit part of the exposure.
+        /// Fraction of the exposure during which the projector is lit.
         fraction: f64 = 0.5, [0.0, 1.0] "";
     }
     /// The reply never arrives.
     "no-reply" = NoReply on Port
-    /// The reply arrives late, and those behind it wait.
+    /// The reply arrives late, and later replies wait behind it.
     "late-reply" = LateReply on Port {
         /// Delay.
         by_ms: f64 = 500.0, [0.0, 3.6e6] "ms";
@@ -212,7 +212,7 @@ kinds! {
         /// Number of bytes.
         count: u32 = 8, [1.0, 4096.0] "bytes";
     }
-    /// Random bytes arrive inside of the reply.
+    /// Random bytes arrive within the reply.
     "garbage-inside" = GarbageInside on Port {
         /// Number of bytes.
         count: u32 = 8, [1.0, 4096.0] "bytes";
@@ -221,19 +221,19 @@ kinds! {
     "bit-errors" = BitErrors on Port {
         /// Direction of the message.
         direction: Direction = Direction::ToHost, "to-device or to-host";
-        /// Number of bits of a message; one when `rate` is absent too.
+        /// Number of bits to flip in a message; 1 when `rate` is absent too.
         count: Option<u32> = None, [1.0, 4096.0] "bits";
-        /// Probability of each bit, instead of a count.
+        /// Probability that each bit is flipped, instead of a count.
         rate: Option<f64> = None, [0.0, 1.0] "";
     }
-    /// The command is refused as by a device that is busy, and not executed.
+    /// The command is refused as if the device were busy, and is not executed.
     "nak" = Nak on Port
-    /// The control port is gone for a while, and data in transit is lost.
+    /// The control port disappears for a while, and data in transit is lost.
     "disconnect" = Disconnect on Port Camera {
-        /// How long.
+        /// Time until the port is back.
         for_ms: f64 = 1000.0, [0.0, 3.6e6] "ms";
     }
-    /// The device boots: settings, uploads and frames under way are gone.
+    /// The device restarts: settings, uploads and frames in transit are lost.
     "reset" = Reset on Camera Port
 }
 

@@ -35,7 +35,7 @@
 //! | 8 cut | text: why the recording ends here while the device went on |
 //! | 9 end | none: the recording ended normally; the last record |
 //! | 10 unplugged | none: the device's end of the channel disappeared, as when a cable is pulled |
-//! | 11 plugged | none: it is back |
+//! | 11 plugged | none: the device's end of the channel is back |
 //!
 //! Readers skip unknown kinds. On the device side times are device time; on the host side they
 //! count from the start of the recording. Each frame's header holds its format and size, so that a

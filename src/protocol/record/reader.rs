@@ -169,7 +169,7 @@ impl<R: Read> Reader<R> {
         }
         let number = u64_at(bytes, 8);
         if number != self.number {
-            return Err(format!("has number {number}: something is missing"));
+            return Err(format!("has number {number}: records are missing"));
         }
         let len = u32_at(bytes, 24) as usize;
         if len > MAX_PAYLOAD {

@@ -2,7 +2,7 @@
 //! caller never waits for the disk.
 //!
 //! The write queue is bounded. If the disk is too slow or full, the recording ends with one notice
-//! and, if there is space for it, a record of the reason. The recorded session continues.
+//! and, if there is space for it, a record of the reason; the session itself continues.
 
 use super::{About, Channel, Event, MAX_BYTES, encode_head, encode_record};
 use phasmid_core::error::{Error, Result};

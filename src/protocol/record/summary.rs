@@ -147,7 +147,7 @@ impl Summary {
 
     fn add(&mut self, record: Record) {
         self.records += 1;
-        // A record that follows an end record cancels the end.
+        // If another record follows an end record, the end record does not count.
         self.ending = Ending::Open;
         let count = |kind: &mut Kind, len: usize| {
             kind.count += 1;

@@ -77,7 +77,7 @@ fn read(bytes: &[u8]) -> Result<Read, phasmid_core::error::Error> {
             Ok(Some(record)) => found.push((record.time_ns, record.channel, record.event)),
             Ok(None) => return Ok((found, None)),
             Err(damage) => {
-                assert_eq!(reader.read(), Ok(None), "damage is told once");
+                assert_eq!(reader.read(), Ok(None), "damage is reported once");
                 return Ok((found, Some(damage)));
             }
         }
@@ -128,7 +128,7 @@ fn every_flipped_bit_is_found_at_its_record() {
         };
         let damaged = offsets.iter().filter(|&&start| start <= at).count() - 1;
         assert_eq!(found, events[..damaged], "{at}");
-        let damage = damage.expect("it is damaged");
+        let damage = damage.expect("the damage is reported");
         let place = (damaged as u64, offsets[damaged] as u64);
         assert_eq!((damage.number, damage.offset), place, "{damage}");
     }

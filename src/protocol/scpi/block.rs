@@ -4,7 +4,7 @@
 /// Result of parsing a block's prefix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Prefix {
-    /// Too few bytes to decide.
+    /// More bytes are needed to decide.
     Incomplete,
     /// Not a definite-length block.
     Invalid,

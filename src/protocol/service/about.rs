@@ -43,7 +43,8 @@ pub struct Clock {
 /// Speed at which frames are rendered, with any clock, over all devices of the server.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rendering {
-    /// Number of frames that count: free-running ones, and those of a sequence except its first.
+    /// Number of frames included: all free-running frames, and the frames of a sequence except its
+    /// first.
     pub frames: u64,
     /// Device time over wall time: sum of the intervals at which these frames were exposed, divided by
     /// the sum of their render times; two significant digits. Above 1, devices keep up with the real
@@ -167,7 +168,7 @@ pub struct DeviceAbout {
     pub state: String,
     /// Number of exposures, including free-running ones; equals the next frame's id.
     pub frames: u64,
-    /// Number of frames that were rendered; exposures that nobody would see are not.
+    /// Number of rendered frames; exposures that no client would see are not rendered.
     #[serde(default)]
     pub rendered: u64,
     /// Triggers that arrived too early, since power-on or `*RST`.

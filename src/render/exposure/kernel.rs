@@ -98,9 +98,10 @@ pub(crate) struct Blurred<'a> {
 }
 
 impl Blurred<'_> {
-    /// Returns whether a parabola gives the levels between three places of the footprint, `distance`
-    /// pattern pixels apart: at an edge of the pattern, the parabola's error is at most the effect of
-    /// a displacement by `tolerance` pattern pixels.
+    /// Returns whether a parabola through the levels at three positions of the footprint,
+    /// `distance` pattern pixels apart, is accurate between these positions: at an edge of the
+    /// pattern, the parabola's error is at most the effect of a displacement by `tolerance` pattern
+    /// pixels.
     ///
     /// The level at an edge is the integral of the kernel k. By Peano's theorem the parabola's error is
     /// at most d max k / 3.17, d^2 max |k'| / 6.64 and d^3 max |k''| / 15.59. A displacement by t changes
@@ -176,7 +177,7 @@ impl Kernels {
                         }
                     }
                 }
-                // The copy has no spare capacity.
+                // Cloning drops the spare capacity.
                 block.clone()
             })
             .collect();

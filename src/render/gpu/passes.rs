@@ -105,7 +105,7 @@ impl Passes {
     /// Returns an error if the GPU has failed.
     pub(crate) fn geometry_pass(&mut self, view: &View<'_>) -> Result<()> {
         let engine = &mut self.engine;
-        // A change of the plan changes the revision as well.
+        // The revision also changes when the plan changes.
         if self.holds == Some(view.revision) {
             return engine.gpu().check();
         }

@@ -86,7 +86,7 @@ impl Sampler {
             varies: varies(&worlds.any().materials),
         };
         sampler.room.reserve(engine);
-        // Counts recorded under the previous plan no longer apply.
+        // Sample counts recorded under the previous plan no longer apply.
         mixed::forget(engine);
         sampler.see(engine, worlds);
         sampler

@@ -60,7 +60,7 @@ impl Microfacets {
         (1.0 - on) * self.shares[i] + on * self.shares[i + 1]
     }
 
-    /// Returns Lambda of Heitz 2014, equation 72.
+    /// Returns the function Lambda of Heitz 2014, equation 72.
     fn lambda(&self, cos: f64) -> f64 {
         let tan2 = (1.0 - cos * cos) / (cos * cos);
         ((1.0 + self.alpha2 * tan2).sqrt() - 1.0) / 2.0

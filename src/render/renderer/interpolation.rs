@@ -19,13 +19,14 @@ const MOST_TRACED_LAST: f64 = 0.3;
 /// Maximum number of pixels of a camera whose geometry is interpolated: on skin, all key instants that
 /// are kept take about 1 kB per pixel.
 const MOST_PIXELS: usize = 2_500_000;
-/// Maximum size of a key instant, of which up to ten are kept. Wide blur needs more.
+/// Maximum size of a key instant in bytes; up to ten key instants are kept. Key instants with wide
+/// blur may exceed it.
 const MOST_BYTES: usize = 400_000_000;
 /// Maximum fraction of the lit gather points at which indirect light may differ visibly between two key
 /// instants.
 const MOST_DIFFERENT: f64 = 1e-2;
-/// Minimum number of exposures for which there must be time between the first and the last key instant
-/// of a span. Two key instants per span cost as much as four interpolated frames.
+/// Minimum duration of a span, from the first to the last key instant, in exposures. Two key
+/// instants per span cost as much as four interpolated frames.
 const FEWEST_FRAMES: f64 = 6.0;
 /// Maximum motion of any point from the nearer key instant, in camera pixels.
 const MOST_REACH_PX: f64 = 3.0;
@@ -147,8 +148,8 @@ impl Renderer {
         (between.traced() <= most && indirect.is_none_or(steady)).then(|| Arc::new(between))
     }
 
-    /// Returns whether key instants around a span take too much memory. All spans that begin in the same
-    /// longest span give one answer, so that it does not depend on the order of frames.
+    /// Returns whether key instants around a span take too much memory. The answer is the same for
+    /// all spans that begin in the same longest span, so it does not depend on the order of frames.
     fn is_oversized(&mut self, span: Span) -> bool {
         let terms = [
             Term::Subsurface,
@@ -173,7 +174,7 @@ impl Renderer {
         found
     }
 
-    /// Moves the scene back to its moment, after key instants were traced.
+    /// Moves the scene back to its current moment after key instants have been traced.
     fn return_to_moment(&mut self) {
         if let Some((moment, _)) = &self.moment {
             self.worlds.set(moment);

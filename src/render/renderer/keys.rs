@@ -11,7 +11,7 @@ use std::sync::Arc;
 const MOST_KEYS: usize = 4;
 /// Maximum number of spans kept that are interpolated; each holds its key instants.
 const MOST_SPANS: usize = 2;
-/// Maximum number of spans of which it is known that they are not interpolated.
+/// Maximum number of spans kept that are known not to be interpolated.
 const MOST_REJECTED: usize = 16;
 
 /// Geometry at key instants, and the spans that are interpolated. Both depend only on the scene, the
@@ -21,7 +21,8 @@ pub(super) struct Keys {
     traced: VecDeque<(u64, Arc<GeometryBuffer>)>,
     spans: VecDeque<(Span, Arc<Between>)>,
     rejected: VecDeque<Span>,
-    /// Key instants whose memory is known: their times, and `true` if they take too much.
+    /// Times of key instants whose memory use is known; `true` if a key instant takes too much
+    /// memory.
     oversized: VecDeque<(u64, bool)>,
 }
 

@@ -79,8 +79,8 @@ impl Renderer {
         parts.into_iter().map(some).collect()
     }
 
-    /// Returns the light of a shot. It is computed from the current geometry if one instant
-    /// represents the exposure.
+    /// Returns the light of a shot, computed from the current geometry if one instant represents
+    /// the exposure.
     pub(super) fn light(&mut self, shot: &Shot) -> Light {
         let parts = self.instants(shot);
         if let [(instant, _)] = parts.as_slice() {

@@ -17,7 +17,7 @@ const MOST_STEPS: usize = 16;
 /// Maximum number of deforming triangles, summed over all shapes; each takes about 200 bytes.
 const MOST_TRIANGLES: usize = 4_000_000;
 
-/// Time, or times, at which the rows of a frame see the scene.
+/// Time at which the rows of a frame see the scene: one time for all rows, or one per row.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Moment {
     /// All rows at one instant.

@@ -47,9 +47,9 @@ pub(crate) struct ImageMotion {
 
 impl ImageMotion {
     /// Returns whether no edge crosses a pixel between two key instants at which the pixel sees the
-    /// same surface: it would have to move by the width of the pixel, or to turn within the pixel. An
-    /// edge that turns goes beyond its positions at the key instants by at most an eighth of the second
-    /// difference.
+    /// same surface: an edge would have to move by the width of the pixel, or turn within the
+    /// pixel. An edge that turns goes beyond its positions at the key instants by at most an eighth
+    /// of the second difference.
     fn is_slow(self) -> bool {
         self.reach_px <= 0.5 && self.bend_px <= 0.5
     }

@@ -46,7 +46,7 @@ impl Folder {
     pub(super) fn begin(path: &Path, about: &About) -> Result<Self> {
         let place = || format!("--out {}", path.display());
         if path.exists() && !path.is_dir() {
-            let allowed = "a folder, or a path where one can be made";
+            let allowed = "a folder, or a path where one can be created";
             return Err(Error::input(place(), "a file", allowed));
         }
         fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
@@ -68,8 +68,11 @@ impl Folder {
             }
             return Err(Error::input(
                 place(),
-                format!("{}, which no study has made", entry.file_name().display()),
-                "an empty or new folder, or one in which this study was begun",
+                format!(
+                    "{}, which no study has created",
+                    entry.file_name().display()
+                ),
+                "an empty or new folder, or one in which this study was started",
             ));
         }
         let json = serde_json::to_string_pretty(about).expect("words and numbers");
@@ -89,8 +92,8 @@ impl Folder {
             }
             Err(TryLockError::WouldBlock) => Err(Error::input(
                 format!("--out {}", self.path.display()),
-                "a folder in which this study runs now",
-                "another folder, or this one when that is over",
+                "a folder in which this study is already running",
+                "another folder, or this one after that run has ended",
             )),
             Err(TryLockError::Error(e)) => Err(Error::io(&path, e)),
         }
@@ -142,7 +145,7 @@ impl Folder {
         }
         let bytes = file::read(&path, MOST_BYTES)?;
         let text = String::from_utf8(bytes)
-            .map_err(|_| Error::input(path.display(), "bytes that are no UTF-8", "rows"))?;
+            .map_err(|_| Error::input(path.display(), "invalid UTF-8", "rows"))?;
         let mut rows = Vec::new();
         let whole = text
             .split_inclusive('\n')
@@ -268,7 +271,7 @@ impl About {
             false => Err(Error::input(
                 place,
                 described(self),
-                format!("{}, to go on with it, or another folder", described(wanted)),
+                format!("{} to continue it, or another folder", described(wanted)),
             )),
         }
     }

@@ -83,7 +83,7 @@ mod tests {
         );
         assert_eq!(alone[0], Some((DVec2::new(216.0, 124.0), Anchor::Start)));
         assert_eq!(alone[1].unwrap().1, Anchor::End, "no room to the right");
-        // A crowd: names that do not fit have no place, and the others do not touch.
+        // Crowded points: names that do not fit are left out, and the placed names do not touch.
         let crowd: Vec<_> = (0..20).map(|_| point(0.5, 0.5, "crowded")).collect();
         let placed = places(&panel, &crowd).into_iter().flatten().count();
         assert!((1..=4).contains(&placed), "{placed}");

@@ -147,7 +147,7 @@ pub fn read(studies: &[&dyn Study], path: &Path) -> Result<(Document, Folder, St
         return Err(Error::input(
             path.display(),
             format!("{} of {} trials", found.len(), trials.len()),
-            "a study that has run to its end: run it again, and it goes on where it was",
+            "a finished study: run it again to continue it",
         ));
     }
     let document = document(*study, &rows, &folder, &about.settings)?;
@@ -289,7 +289,7 @@ pub(super) fn trials(study: &dyn Study, settings: &Settings) -> Result<Vec<Trial
         let parts = study.parts();
         if !parts.contains(&only.as_str()) {
             let allowed = match parts {
-                [] => format!("nothing: {} has no parts to be run alone", study.name()),
+                [] => format!("no --only: {} has no parts that run alone", study.name()),
                 _ => parts.join(", "),
             };
             return Err(Error::input("--only", only, allowed));

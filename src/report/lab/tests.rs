@@ -131,7 +131,7 @@ fn interrupted_study_resumes() {
     let lock = std::fs::File::open(held.path().join("study.json")).unwrap();
     lock.lock().unwrap();
     let error = go(None, &path, 1, 5).unwrap_err().to_string();
-    assert!(error.contains("runs now"), "{error}");
+    assert!(error.contains("already running"), "{error}");
     drop(lock);
     // A folder of another study, or one that contains other files, is not changed.
     let before = std::fs::read(&rows).unwrap();

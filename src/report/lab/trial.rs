@@ -16,7 +16,7 @@ pub struct Trial {
     pub key: String,
     /// Seed of the trial's noise, which is stored in the trial's rows.
     pub seed: u64,
-    /// Whether no other trial may run at the same time, because it measures times.
+    /// Whether no other trial may run at the same time, because this trial measures times.
     pub alone: bool,
     pub(super) work: Work,
 }

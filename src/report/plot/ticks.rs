@@ -10,7 +10,7 @@ pub(super) fn round_step(least: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0]
         .into_iter()
         .map(|m| scaled(m, power))
-        // Accepts a step of 0.1 for a request of 0.1 + 1e-17.
+        // The tolerance accepts a step of 0.1 for a request of 0.1 + 1e-17.
         .find(|step| *step >= least * (1.0 - 1e-9))
         .unwrap_or_else(|| scaled(10.0, power))
 }

@@ -116,7 +116,7 @@ fn combine(motions: &[Vector6<f64>], turns: &[DVec3], about: DVec3) -> Vector6<f
         .sum()
 }
 
-/// Name of the shape that leaves these motions free, if a shape with a name does.
+/// Name of the shape that leaves these motions free; `None` if no named shape does.
 pub(crate) fn shape(free: &[Freedom]) -> Option<&'static str> {
     let shifts: Vec<DVec3> = free
         .iter()

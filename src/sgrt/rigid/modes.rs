@@ -18,7 +18,8 @@ use nalgebra::{Matrix6, Vector6};
 pub(super) struct Modes {
     /// Shift (mm) and turn (rad) of each mode, scaled to move the region's points by 1 mm RMS.
     pub(super) motions: [Vector6<f64>; 6],
-    /// Information of each mode in 1/mm^2, before correction for false information.
+    /// Fisher information about each mode in 1/mm^2; includes the false information that noisy normals
+    /// add.
     pub(super) information: [f64; 6],
 }
 

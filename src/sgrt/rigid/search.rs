@@ -23,9 +23,10 @@ const KEPT: usize = 3;
 /// Where to search for a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
-    /// Near this `room_from_reference`, for example the result of the previous scan.
+    /// Search near this `room_from_reference`, for example the result of the previous scan.
     Near(Pose),
-    /// Up to `range_mm` from `around` along each axis, and rotated by up to about 15 degrees.
+    /// Search up to `range_mm` from `around` along each axis, and at rotations of up to about 15
+    /// degrees.
     Within {
         /// The `room_from_reference` at the centre of the search.
         around: Pose,

@@ -36,8 +36,8 @@ pub(super) fn track(measured: &Measured, reference: &Reference) -> Result<RigidF
     )
 }
 
-/// Returns the pose of `fit` relative to the pose of an earlier scan, `first`: the result that the
-/// tracker would have if its reference surface were the scan `first`.
+/// Returns the pose of `fit` relative to the pose of an earlier scan, `first`. This is the result
+/// that the tracker would give if its reference surface were the scan `first`.
 pub(super) fn since(fit: &RigidFit, first: &RigidFit) -> SixDof {
     SixDof::of(&(fit.room_from_reference * first.room_from_reference.inverse()))
 }

@@ -1,4 +1,5 @@
-//! An hour of scans of a still patient: the light fades, the pods warm, the sensors are noisy.
+//! Drift and noise during an hour of scans of a still patient: the light fades, the pods warm up,
+//! and the sensors are noisy.
 
 use super::answer::{DEVIATIONS, ERRORS, answered, part, rms, shift_mm, track, worst};
 use super::effort::Effort;
@@ -32,7 +33,10 @@ const WARMER_K: f64 = 5.0;
 const WARMING_S: f64 = 900.0;
 const GROWTH_PER_K: f64 = 23e-6;
 /// Cases and their labels.
-const CASES: [(&str, &str); 2] = [("light", "light fades"), ("heat", "and the beams grow")];
+const CASES: [(&str, &str); 2] = [
+    ("light", "light fades"),
+    ("heat", "light fades, beams grow"),
+];
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let effort = Effort::of(settings);
@@ -280,7 +284,7 @@ fn hour(rows: &Rows) -> Table {
          half of the table, the beam between camera and projector of each pod also expands: \
          modulation of the fringes (grey levels), and change of the position (mm) and of the \
          angles (largest of the three, degrees) since the first scan.",
-        &["case, time", "modulation", "place", "angles"],
+        &["case, time", "modulation", "position", "angles"],
     );
     for (case, name) in CASES {
         let all = of(rows, case);
@@ -352,13 +356,13 @@ fn figure(rows: &Rows) -> Figure {
 
 fn checks(rows: &Rows) -> Vec<Check> {
     let mut checks = vec![Check::at_most(
-        "drift of the tracked place over an hour of fading light, in mm",
+        "drift of the tracked position over an hour of fading light, in mm",
         largest(rows, "light")[0],
         super::known::BAR[0],
     )];
     let heat = of(rows, "heat");
     checks.push(Check::at_most(
-        "error of the place by pods 5 K warmer than calibrated, in mm",
+        "position error with pods 5 K warmer than at calibration, in mm",
         worst(heat.into_iter().map(shift_mm)),
         super::known::TOLERANCE[0],
     ));

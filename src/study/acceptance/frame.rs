@@ -33,8 +33,7 @@ const BUILT: [([f64; 3], f64, f64); 3] = [
     ([-0.6, 0.5, -0.2], -0.08, 0.999),
     ([0.5, 0.2, -0.6], 0.06, 1.001),
 ];
-/// Deviation of each pod from its planned place, in millimetres and degrees, as if a ladder had knocked
-/// against it.
+/// Deviation of each pod from its planned place, in millimetres and degrees, as after a collision.
 const KNOCKED: [([f64; 3], [f64; 3]); 3] = [
     ([1.2, 0.9, 0.7], [0.06, 0.05, 0.05]),
     ([-0.4, 1.1, -0.8], [-0.04, 0.07, -0.03]),
@@ -44,10 +43,10 @@ const KNOCKED: [([f64; 3], [f64; 3]); 3] = [
 const NEAR_MM: f64 = 5.0;
 /// Poses and calibrations with which points are transformed into the room, from the worst to the best.
 const CASES: [&str; 4] = [
-    "as drawn and hung",
-    "as drawn, located by a board",
+    "nominal calibration and pose",
+    "nominal calibration, located by a board",
     "calibrated, located by a board",
-    "as it is",
+    "true calibration and pose",
 ];
 
 pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
@@ -239,7 +238,7 @@ pub(super) fn section(rows: &Rows) -> Section {
         blocks.push(Block::Table(table(rows)));
         blocks.push(Block::Checks(checks(rows)));
     }
-    Section::new("The frame that the pods share", blocks)
+    Section::new("Common frame of the pods", blocks)
 }
 
 fn table(rows: &Rows) -> Table {
@@ -250,7 +249,7 @@ fn table(rows: &Rows) -> Table {
          surface (RMS, mm), worst error of the position (mm) and of the angles (degrees), and \
          number of results with a warning, by the calibration and pose that are assumed for the \
          pods.",
-        &["pods", "points", "place", "angles", "with a warning"],
+        &["pods", "points", "position", "angles", "warnings"],
     );
     for case in CASES {
         let all = of(rows, case);
@@ -272,12 +271,12 @@ fn checks(rows: &Rows) -> Vec<Check> {
     let by_boards = of(rows, CASES[2]);
     vec![
         Check::at_most(
-            "worst error of the place by pods that boards have calibrated and located, in mm",
+            "worst position error with pods calibrated and located by boards, in mm",
             worst(by_boards.clone().map(shift_mm)),
             BAR[0],
         ),
         Check::at_most(
-            "worst error of the angles by pods that boards have calibrated and located, in degrees",
+            "worst angle error with pods calibrated and located by boards, in degrees",
             worst(by_boards.map(turn_deg)),
             BAR[1],
         ),

@@ -114,7 +114,7 @@ pub(super) fn section(rows: &Rows) -> Section {
         blocks.push(Block::Table(table(whole, &fewer)));
         blocks.push(Block::Checks(checks(whole, &fewer)));
     }
-    Section::new("Pods that are hidden", blocks)
+    Section::new("Hidden pods", blocks)
 }
 
 fn table(whole: &Row, fewer: &[&Row]) -> Table {
@@ -125,7 +125,7 @@ fn table(whole: &Row, fewer: &[&Row]) -> Table {
          measured, and change of the position (mm) and of the angles (largest of the three, \
          degrees) relative to the result of all pods.",
         &[
-            "", "left", "right", "foot", "measured", "place", "angles", "warnings",
+            "", "left", "right", "foot", "measured", "position", "angles", "warnings",
         ],
     );
     for row in std::iter::once(&whole).chain(fewer) {
@@ -178,12 +178,12 @@ fn checks(whole: &Row, fewer: &[&Row]) -> Vec<Check> {
             HIDDEN,
         ),
         Check::at_most(
-            "worst error of the place without a warning, in mm",
+            "worst position error without a warning, in mm",
             worst(silent.clone().map(|row| shift_mm(row)).chain([0.0])),
             TOLERANCE[0],
         ),
         Check::at_most(
-            "worst error of the angles without a warning, in degrees",
+            "worst angle error without a warning, in degrees",
             worst(silent.map(|row| turn_deg(row)).chain([0.0])),
             TOLERANCE[1],
         ),

@@ -35,8 +35,8 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     effort.jumps.iter().map(one).collect()
 }
 
-/// Scans without a break until the beam is held. The couch jumps when the fraction `share` of a scan is
-/// over.
+/// Scans without a break until the beam is held. The couch jumps when the fraction `share` of a
+/// scan has elapsed.
 fn jumped(context: &Context<'_>, share: f64, effort: Effort) -> Result<Vec<Row>> {
     let subject = Subject::new(Body::Torso)?;
     let reference = subject.reference()?;
@@ -95,7 +95,7 @@ fn jumped(context: &Context<'_>, share: f64, effort: Effort) -> Result<Vec<Row>>
         let end_ns = begin_ns + pods.duration_ns();
         match hold.update(end_ns, &reading) {
             Beam::On => on = true,
-            // A hold before the beam was ever on is not a response to the jump.
+            // Ignore a hold before the beam was first on: it is not a response to the jump.
             Beam::Held(reason) if on && end_ns > jump_ns => {
                 row = row
                     .number("hold_ms", (end_ns - jump_ns) as f64 * 1e-6)
@@ -143,7 +143,7 @@ pub(super) fn section(rows: &Rows) -> Section {
              {TOLERANCE_MM} mm. Device time in milliseconds from the jump to the end of the scan \
              that holds the beam, and the reason for the hold. The host's time comes on top."
         ),
-        &["jump at a share of", "held after", "because"],
+        &["jump at fraction of scan", "held after", "reason"],
     );
     for row in part(rows, "hold") {
         let ms = row.value("hold_ms");

@@ -118,13 +118,13 @@ pub(super) fn section(rows: &Rows) -> Section {
          mm) and of the angles (worst: largest of the three, degrees; RMS: of all three), relative \
          to the planned surface and to the tracker's result for the first, undisplaced scan.",
         &[
-            "subject, against",
+            "subject, reference",
             "scans",
-            "place: worst",
+            "position: worst",
             "RMS",
             "angles: worst",
             "RMS",
-            "with a warning",
+            "warnings",
         ],
     );
     for body in BODIES.map(Body::name) {

@@ -52,7 +52,7 @@ pub(super) fn trials(settings: &Settings) -> Vec<Trial> {
     let trial = Trial::new("latency/patient", settings.seed, move |context| {
         timed(context, effort)
     });
-    // Run alone, so that no other trial uses the cores.
+    // The trial runs alone, so that no other trial uses the cores.
     vec![trial.alone()]
 }
 
@@ -161,7 +161,7 @@ fn table(rows: &Rows) -> Table {
     if let Some(first) = first {
         let ms = first.value("host_ms");
         row(
-            "host: the same for the first scan, with one-time set-up",
+            "host: first scan with one-time set-up, from the last frame to both answers",
             [ms, ms],
             "-",
         );

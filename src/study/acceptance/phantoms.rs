@@ -130,8 +130,8 @@ pub(super) fn section(rows: &Rows) -> Section {
         &[
             "body (free motions)",
             "answers",
-            "without a warning",
-            "naming others",
+            "answers without warning",
+            "wrong motions named",
             "distance",
             "angle",
         ],
@@ -183,22 +183,22 @@ fn checks(rows: &Rows) -> Vec<Check> {
         .sum();
     vec![
         Check::at_most(
-            "answers without a warning about bodies that do not determine all motions",
+            "answers without a warning although the body leaves motions free",
             silent(all.clone()) as f64,
             0.0,
         ),
         Check::at_most(
-            "warnings that name other motions than the shape leaves free",
+            "warnings that name a motion which the body does not leave free",
             misnamed as f64,
             0.0,
         ),
         Check::at_most(
-            "worst distance between a body as tracked and as it is, in mm",
+            "worst distance between the tracked and the true body, in mm",
             worst(all.clone().map(|row| row.value("surface_mm"))),
             BAR[0],
         ),
         Check::at_most(
-            "worst angle between its axis as tracked and as it is, in degrees",
+            "worst angle between the tracked and the true axis, in degrees",
             worst(all.map(|row| row.value("axis_deg"))),
             BAR[1],
         ),

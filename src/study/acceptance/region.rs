@@ -116,11 +116,11 @@ fn table(rows: &Rows) -> Table {
         &[
             "radius in mm",
             "area in cm2",
-            "place",
+            "position",
             "predicted",
             "angles",
             "predicted",
-            "with a warning",
+            "warnings",
         ],
     );
     for (radius, all) in radii(rows) {
@@ -169,12 +169,12 @@ fn checks(rows: &Rows) -> Vec<Check> {
     let silent = part(rows, "region").filter(|row| row.get("warnings").is_empty());
     vec![
         Check::at_most(
-            "worst error of the place without a warning, in mm",
+            "worst position error without a warning, in mm",
             worst(silent.clone().map(shift_mm).chain([0.0])),
             TOLERANCE[0],
         ),
         Check::at_most(
-            "worst error of the angles without a warning, in degrees",
+            "worst angle error without a warning, in degrees",
             worst(silent.map(turn_deg).chain([0.0])),
             TOLERANCE[1],
         ),

@@ -33,7 +33,7 @@ fn table(rows: &Rows) -> Table {
                    ours: &[(f64, &str)],
                    asked: String,
                    published: Option<Published>| {
-        // A part of the study that was not run has no line in the table; a failed part has a line
+        // A part of the study that was not run has no row in the table; a failed part has a row
         // without a number.
         if part(rows, of).next().is_none() {
             return;
@@ -63,7 +63,7 @@ fn table(rows: &Rows) -> Table {
     row(
         (
             "frame",
-            "still torso, pods that boards have calibrated and located",
+            "still torso, pods calibrated and located by boards",
         ),
         &[(place, "mm"), (angle, "deg")],
         format!("{} mm, {} deg", BAR[0], BAR[1]),
@@ -90,7 +90,7 @@ fn table(rows: &Rows) -> Table {
     }
     let [place, pixels, _] = drift::noise(rows);
     row(
-        ("drift", "noise of the tracked place"),
+        ("drift", "noise of the tracked position"),
         &[(place, "mm")],
         "-".to_owned(),
         Some(PUBLISHED_NOISE),
@@ -102,15 +102,15 @@ fn table(rows: &Rows) -> Table {
         None,
     );
     row(
-        ("hidden", "one pod hidden, change of the place"),
+        ("hidden", "one pod hidden, change of the position"),
         &[(hidden::largest_mm(rows), "mm")],
         format!("{} mm", TOLERANCE[0]),
         Some(PUBLISHED_HIDDEN),
     );
     row(
-        ("hold", "beam-hold, device time at worst"),
+        ("hold", "beam-hold, worst device time"),
         &[(hold::longest_ms(rows), "ms")],
-        "500 ms with the host's".to_owned(),
+        "500 ms including the host's time".to_owned(),
         Some(PUBLISHED_HOLD),
     );
     table

@@ -84,9 +84,9 @@ pub(super) fn section(rows: &Rows) -> Section {
             "class",
             "measured",
             "residuals",
-            "place",
+            "position",
             "angles",
-            "since the first",
+            "position since the first scan",
         ],
     );
     for class in 1..=6 {
@@ -110,12 +110,12 @@ pub(super) fn section(rows: &Rows) -> Section {
     if part(rows, "tones").next().is_some() {
         blocks.push(Block::Checks(vec![
             Check::at_most(
-                "worst error of the place on any skin, in mm",
+                "worst position error on any skin tone, in mm",
                 place,
                 TOLERANCE[0],
             ),
             Check::at_most(
-                "worst error of the angles on any skin, in degrees",
+                "worst angle error on any skin tone, in degrees",
                 angle,
                 TOLERANCE[1],
             ),

@@ -33,7 +33,7 @@ pub enum Place {
 
 impl Place {
     /// Returns all places, with [`Self::Each`] if `each` is set and [`Self::Once`] if not.
-    /// [`Self::Each`] takes more than minutes.
+    /// [`Self::Each`] takes longer than a few minutes.
     pub fn all(each: bool) -> [Self; 4] {
         [
             if each { Self::Each } else { Self::Once },
@@ -46,11 +46,11 @@ impl Place {
     /// Returns the name in a table.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Once => "once, at six in turn",
-            Self::Each => "once, at each in turn",
-            Self::Always => "again in every run",
-            Self::Chance => "one in twenty",
-            Self::Second => "every second one",
+            Self::Once => "once per scan, six positions",
+            Self::Each => "once per scan, every position",
+            Self::Always => "same position in every run",
+            Self::Chance => "random, 1 in 20",
+            Self::Second => "every second frame or message",
         }
     }
 }
@@ -105,9 +105,12 @@ impl BadDay {
             Self::new("bits flipped, 4096", What::BitsFlipped { count: 4096 }),
             Self::new("bits flipped, 20000", What::BitsFlipped { count: 20_000 }),
             Self::new("dark", What::Dark),
-            Self::new("wrong pattern, the next", What::WrongPattern { offset: 1 }),
             Self::new(
-                "wrong pattern, the one before",
+                "wrong pattern, the next one",
+                What::WrongPattern { offset: 1 },
+            ),
+            Self::new(
+                "wrong pattern, the previous one",
                 What::WrongPattern { offset: -1 },
             ),
             Self::new(

@@ -49,7 +49,8 @@ const FARTHER_MM: f64 = 1400.0;
 const DARKER: f64 = 0.6;
 
 /// Returns the settings for faults of frames: each way to identify frames with one device and one
-/// scene, and the pod with full identification and with none. With `each`, all devices and all scenes.
+/// scene, and the pod with full identification and without identification. If `each` is set,
+/// all combinations of devices, scenes and ways to identify frames are returned.
 ///
 /// # Errors
 /// Returns no error, as long as the built-in profiles are valid.

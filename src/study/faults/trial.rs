@@ -54,7 +54,7 @@ impl Difference {
         self.lost <= LOST && self.moved <= MOVED
     }
 
-    /// Returns the larger value of each fraction.
+    /// Returns, for each of the two fractions, the larger value of both differences.
     pub(super) fn worst(self, other: Self) -> Self {
         Self {
             lost: self.lost.max(other.lost),

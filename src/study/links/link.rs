@@ -40,7 +40,7 @@ impl Link {
         }
     }
 
-    /// Whether frames that the host does not take in time are overwritten.
+    /// Returns whether the link overwrites frames that the host does not read in time.
     pub(super) fn overwrites(self) -> bool {
         self == Self::Video
     }

@@ -25,11 +25,11 @@ use std::time::Duration;
 const TIMEOUT: Duration = Duration::from_secs(20);
 /// After this time without a frame, a link that can lose frames is assumed to deliver no more frames.
 const QUIET: Duration = Duration::from_millis(800);
-/// Maximum number of frames before the requested one: a camera that ran free has sent some, and
-/// a node of v4l2loopback keeps the last one of its last stream.
+/// Maximum number of frames before the requested one: a free-running camera has sent some, and a
+/// v4l2loopback node keeps the last frame of its previous stream.
 const MOST_STALE: usize = 10_000;
 
-/// Why a link has no figures.
+/// Reason why a link was not measured.
 pub(super) enum Missing {
     /// This machine lacks what the link needs.
     Lack(String),
@@ -257,7 +257,7 @@ fn serve(device: Device, link: Link) -> Result<Serving, Missing> {
     };
     match device.serve(&options) {
         Ok(serving) if link == Link::Kernel && !has_nodes(&serving) => {
-            let why = "the kernel's drivers have not made both nodes of the USB device";
+            let why = "the kernel's drivers have not created both nodes of the USB device";
             Err(Missing::Lack(why.to_owned()))
         }
         Ok(serving) => Ok(serving),

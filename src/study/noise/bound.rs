@@ -1,16 +1,17 @@
 //! The standard deviation of a phase due to noise: the least-squares bound, the effect of rounding on
 //! it, and the Cramer-Rao bound for noise that grows with the light.
 //!
-//! A pixel reads I_i = A + B cos(psi_i) + n_i at psi_i = phi + 2 pi i / N. Least squares has a phase of
-//! standard deviation sqrt(2/N) sigma / B, with sigma at the mean A (Greivenkamp, Opt. Eng. 23(4),
-//! 1984). Shot noise has the variance v_i = v (1 + m cos psi_i), where v is the variance at A and m = K
-//! B / v: samples in the dark part of a fringe are more precise than those in its bright part, which
-//! least squares ignores. The inverse of the Fisher information, the sum over the samples of g g^T / v_i
-//! with g the derivatives of I_i by A, B and phi, bounds every unbiased estimator (Kay, "Fundamentals of
-//! Statistical Signal Processing: Estimation Theory", 1993, chapter 3). The variance itself also
-//! contains information about the phase, K^2 / 2 v_i^2; this information is some ten-thousandths of the
-//! total and is left out. For many steps the sum is an integral, and the ratio of the bound to that of
-//! least squares is sqrt((1 + sqrt(1 - m^2)) / 2).
+//! A pixel reads I_i = A + B cos(psi_i) + n_i at psi_i = phi + 2 pi i / N. Least squares has a
+//! phase of standard deviation sqrt(2/N) sigma / B, with sigma at the mean A (Greivenkamp, Opt.
+//! Eng. 23(4), 1984). Shot noise has the variance v_i = v (1 + m cos psi_i), where v is the
+//! variance at A and m = K B / v: samples in the dark part of a fringe are more precise than those
+//! in its bright part, which least squares ignores. The inverse of the Fisher information, the sum
+//! over the samples of g g^T / v_i with g the derivatives of I_i with respect to A, B and phi,
+//! bounds every unbiased estimator (Kay, "Fundamentals of Statistical Signal Processing: Estimation
+//! Theory", 1993, chapter 3). The variance itself also contains information about the phase, K^2 /
+//! 2 v_i^2; this information is some ten-thousandths of the total and is left out. For many steps
+//! the sum is an integral, and the ratio of the bound to that of least squares is sqrt((1 + sqrt(1
+//! - m^2)) / 2).
 
 use nalgebra::{Matrix3, Vector3};
 use phasmid_geometry::NoiseModel;

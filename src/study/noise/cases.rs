@@ -12,7 +12,7 @@ pub(super) struct Case {
     pub(super) key: String,
     /// Table of the case: `even` or `shot`.
     pub(super) kind: &'static str,
-    /// Profile of the sensor; empty if the sensor belongs to no profile.
+    /// Profile that the sensor is taken from; empty if it is not from a profile.
     pub(super) sensor: &'static str,
     /// Gain above the profile's, in decibels.
     pub(super) gain_db: f64,

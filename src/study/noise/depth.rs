@@ -61,8 +61,8 @@ struct Spread {
 #[derive(Debug, Default)]
 struct Figures {
     pixels: f64,
-    /// Numbers over all scans. First: points. Then: points more than 1 mm off or without a surface.
-    /// Last: pixels at which a scanner should measure a point.
+    /// Three counts over all scans: points; points more than 1 mm off or without a surface; pixels
+    /// at which a scanner should measure a point.
     points: f64,
     gross: f64,
     found: f64,
@@ -76,7 +76,7 @@ struct Figures {
     bound_mm: f64,
     /// RMS of the ratio of spread to bound.
     ratio: f64,
-    /// Mean square of the ratio of error to the decoder's standard deviation: 1 if the decoder's is
+    /// Mean square of the ratio of error to the decoder's standard deviation: 1 if the decoder is
     /// correct.
     chi_square: f64,
     /// RMS error of the pixels' means, after subtraction of the noise that remains in a mean.

@@ -35,7 +35,8 @@ fn even(rows: &Rows) -> Vec<Block> {
         noise.";
     let measured = "RMS error divided by the bound: largest value over the modulations (bins of a \
         thousand valid samples or more)";
-    let expected = "The same, as expected for rounded samples";
+    let expected = "RMS error expected for rounded samples, divided by the bound: largest value \
+        over the modulations";
     let blocks = [
         Block::Words(words.to_owned()),
         Block::Table(tables::by_steps_and_noise(
@@ -276,7 +277,7 @@ fn checks(rows: &Rows) -> Vec<Check> {
             ABOVE_BOUND,
         ),
         Check::at_most(
-            "error over what rounded samples allow, noise below 0.5 DN",
+            "error over the error expected for rounded samples, noise below 0.5 DN",
             largest(
                 &mut phases()
                     .filter(|row| !white(row))
@@ -285,7 +286,7 @@ fn checks(rows: &Rows) -> Vec<Check> {
             ABOVE_BOUND,
         ),
         Check::at_most(
-            "error over the decoder's own deviation less 1, noise of 0.5 DN or more",
+            "error over the decoder's stated sigma, minus 1, noise of 0.5 DN or more",
             largest(&mut phases().filter(white).map(|row| off(row.value("whitened")))),
             0.05,
         ),
@@ -305,7 +306,7 @@ fn checks(rows: &Rows) -> Vec<Check> {
             ABOVE_BOUND,
         ),
         Check::at_most(
-            "weighted: error over its own deviation less 1, noise of 0.5 DN or more",
+            "weighted: error over the stated sigma, minus 1, noise of 0.5 DN or more",
             largest(
                 &mut phases()
                     .filter(white)
@@ -314,7 +315,7 @@ fn checks(rows: &Rows) -> Vec<Check> {
             0.05,
         ),
         Check::at_most(
-            "weighted over least squares, pmp-bench's sensor, 12 steps, B of 50 DN or more",
+            "weighted error over least-squares error, pmp-bench's sensor, 12 steps, B of 50 DN or more",
             largest(
                 &mut of(rows, "shot")
                     .filter(bench_m)
@@ -340,12 +341,12 @@ fn checks(rows: &Rows) -> Vec<Check> {
             1.15,
         ),
         Check::at_most(
-            "depth: chi-square of the decoder's deviation less 1",
+            "depth: chi-square of the stated sigma, minus 1",
             largest(&mut of(rows, "depth").map(|row| off(row.value("chi_square")))),
             0.05,
         ),
         Check::at_most(
-            "depth, weighted: chi-square of the decoder's deviation less 1",
+            "depth, weighted: chi-square of the stated sigma, minus 1",
             largest(&mut of(rows, "depth").map(|row| off(row.value("weighted_chi_square")))),
             0.05,
         ),

@@ -72,7 +72,7 @@ pub(super) fn mask(rows: &Rows, steps: f64) -> Table {
         "coverage, %",
         "gross, %",
         "error over bound",
-        "error over own deviation",
+        "error over stated sigma",
     ];
     let mut table = Table::new("noise-mask", caption, &header);
     let mut found: Vec<&Row> = of(rows, "even")
@@ -187,7 +187,7 @@ pub(super) fn depths(rows: &Rows) -> Table {
         "chi-square",
         "bias",
         "weighted over bound",
-        "its chi-square",
+        "weighted chi-square",
     ];
     let mut table = Table::new("noise-depth", caption, &header);
     for row in of(rows, "depth") {
@@ -217,7 +217,12 @@ pub(super) fn depths(rows: &Rows) -> Table {
 /// Tabulates the decoding time with and without weights.
 pub(super) fn time(rows: &Rows) -> Table {
     let caption = "Median times to decode 12 steps, 8 Gray bits, white and black to coordinates";
-    let header = ["pixels", "least squares, ms", "weighted, ms", "more, %"];
+    let header = [
+        "pixels",
+        "least squares, ms",
+        "weighted, ms",
+        "extra time, %",
+    ];
     let mut table = Table::new("noise-time", caption, &header).timed();
     for row in of(rows, "time") {
         let (plain, weighted) = (row.value("plain_s"), row.value("weighted_s"));

@@ -55,7 +55,7 @@ pub fn trapezoid(distance_mm: f64) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Returns the bare reference plane at a distance in mm.
+/// Returns a scene with only the reference plane at a distance in mm.
 ///
 /// # Errors
 /// Returns no error for a built-in scene.
@@ -111,7 +111,12 @@ pub fn torso(view: View) -> Result<Scene> {
 /// # Errors
 /// Returns an error for any other object.
 pub fn surface(scene: &Scene) -> Result<Mesh> {
-    let wrong = || Error::device(format!("scene {}: no trapezoid or torso last", scene.name));
+    let wrong = || {
+        Error::device(format!(
+            "scene {}: the last object is neither a trapezoid nor a torso",
+            scene.name
+        ))
+    };
     let object = scene.object.last().ok_or_else(wrong)?;
     let mut mesh = match object.shape {
         Shape::Frustum { .. } => frustum(),

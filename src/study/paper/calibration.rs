@@ -153,7 +153,7 @@ pub(super) fn section(rows: &Rows) -> Section {
             "Calibration from {} poses of a board of 475 dots.",
             value("poses")
         ),
-        &["figure", "the paper", "ours"],
+        &["quantity", "paper", "ours"],
     );
     let [camera, projector] = REPROJECTION_PX;
     for (name, paper, ours) in [
@@ -168,17 +168,17 @@ pub(super) fn section(rows: &Rows) -> Section {
             three(value("projector_px")),
         ),
         (
-            "dots from the truth, RMS, px",
+            "error of the dots, RMS, px",
             String::new(),
             three(value("dots_px")),
         ),
         (
-            "focal length less the true one, camera, px",
+            "error of the focal length, camera, px",
             String::new(),
             focal(value("camera_focal_error_px"), value("camera_focal_px")),
         ),
         (
-            "focal length less the true one, projector, px",
+            "error of the focal length, projector, px",
             String::new(),
             focal(
                 value("projector_focal_error_px"),
@@ -186,7 +186,7 @@ pub(super) fn section(rows: &Rows) -> Section {
             ),
         ),
         (
-            "baseline less the true one, mm",
+            "error of the baseline, mm",
             String::new(),
             three(value("baseline_error_mm")),
         ),

@@ -158,12 +158,12 @@ fn means(rows: &Rows) -> Table {
             "MAE, paper",
             "closed form",
             "f0 held",
-            "f0 anew",
+            "f0 remeasured",
             "triangulation",
             "CMAE, paper",
             "closed form",
             "f0 held",
-            "f0 anew",
+            "f0 remeasured",
             "triangulation",
         ],
     );
@@ -193,13 +193,13 @@ fn distances(rows: &Rows) -> Table {
             "L in mm",
             "HD, paper",
             "f0 held",
-            "f0 anew",
+            "f0 remeasured",
             "to surface",
             "to points",
             "floor",
             "MDTA, paper",
             "f0 held",
-            "f0 anew",
+            "f0 remeasured",
             "to surface",
             "to points",
             "floor",
@@ -240,7 +240,7 @@ fn apart(rows: &Rows) -> Table {
             "inlier RMSE in mm",
             "f0 in 1/mm",
             "f0 held, closed form, same pixels in mm",
-            "off it in mm",
+            "difference from closed form in mm",
         ],
     );
     for (l, _) in DISTANCES {
@@ -280,7 +280,7 @@ fn chart(rows: &Rows) -> Chart {
                 DISTANCES.map(|(l, paper)| (l, paper.mae)),
             ),
             Series::new("f0 held, closed form", SeriesStyle::Dashed, closed),
-            ours("formula, f0 held at 1000 mm's", HELD),
+            ours("formula, f0 held at its value for 1000 mm", HELD),
             ours("formula, f0 measured anew", ANEW),
             ours("triangulation", TRIANGULATION),
         ],
@@ -303,7 +303,7 @@ fn checks(rows: &Rows) -> Vec<Check> {
             }
         }
         checks.push(Check::at_most(
-            format!("height with f0 held at {l} mm, from the closed form in mm"),
+            format!("height with f0 held at {l} mm: difference from the closed form in mm"),
             value(rows, l, HELD, "closed_off_mm"),
             CLOSED_MM,
         ));

@@ -115,7 +115,7 @@ fn levels(folder: &Folder, name: &str) -> Result<Vec<f64>> {
     let text = String::from_utf8_lossy(&bytes);
     let level = |line: &str| {
         line.parse()
-            .map_err(|_| Error::input(name, line, "grey levels, one a line"))
+            .map_err(|_| Error::input(name, line, "grey levels, one per line"))
     };
     text.lines().map(level).collect()
 }

@@ -36,7 +36,7 @@ impl Around {
             Self::Dark => "dark room",
             Self::Ambient => "lit room",
             Self::Halo => "lit room, halo",
-            Self::Room => "of the room, halo",
+            Self::Room => "room light, halo",
         }
     }
 

@@ -30,7 +30,7 @@ fn draw(context: &Context<'_>, name: &'static str) -> Result<Vec<Row>> {
     let scan = Scan::new(&bench(1.0, cut)?, &scene, context.seed)?;
     let (width, height) = scan.size();
     let frame = GrayImage::from_raw(width as u32, height as u32, scan.frame(0)?.to_vec())
-        .ok_or_else(|| Error::device("a frame of another size"))?;
+        .ok_or_else(|| Error::device("the frame has a wrong size"))?;
     let picture = overview(&frame, &scan.decoded, &scan.truth, scan.rig());
     let mut png = Cursor::new(Vec::new());
     picture

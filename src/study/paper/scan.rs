@@ -49,7 +49,7 @@ impl Scan {
     /// Returns no error for the bench's sequence.
     pub fn x(&self) -> Result<&AxisMap> {
         let x = self.decoded.x.as_ref();
-        x.ok_or_else(|| Error::device("the sequence tells no columns"))
+        x.ok_or_else(|| Error::device("the sequence does not encode the columns"))
     }
 
     /// Returns the phase-to-height mapping whose reference is this scan of the bare plane.
@@ -95,7 +95,9 @@ impl Scan {
     /// Returns an error if the frame does not exist or has more than 8 bits.
     pub fn frame(&self, index: usize) -> Result<&[u8]> {
         let levels = self.scanned.images.get(index).and_then(Image::as_u8);
-        levels.ok_or_else(|| Error::device(format!("no frame {index} of 8 bits")))
+        levels.ok_or_else(|| {
+            Error::device(format!("frame {index} is missing or has more than 8 bits"))
+        })
     }
 }
 

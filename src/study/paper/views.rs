@@ -45,7 +45,7 @@ pub(super) fn section(rows: &Rows) -> Section {
          gross errors (more than 1 mm, and more than 5 stated standard deviations, edges included) \
          and coverage.",
         &[
-            "from the",
+            "view",
             "MAE, paper",
             "MAE",
             "HD, paper",
@@ -105,7 +105,7 @@ fn gross(rows: &Rows) -> Table {
          the pixel's centre meets: a grazed flank, a surface in shadow, another surface in a pixel \
          that sees more than one facet, or one smooth facet.",
         &[
-            "from the",
+            "view",
             "points",
             "gross",
             "grazed",

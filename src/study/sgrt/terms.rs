@@ -10,8 +10,8 @@ const TERMS: [(&str, &str, &str); 6] = [
     ("noise of 0.5 mm on an ideal skin", "noisy", "ideal"),
     ("regions that no pod sees", "seen", "ideal"),
     ("motion while the pods take turns", "scanned", "still"),
-    ("light that goes into skin", "still", "opaque"),
-    ("noise of the sensors", "opaque", "quiet"),
+    ("light transport in skin", "still", "opaque"),
+    ("sensor noise", "opaque", "quiet"),
     ("fringes, decoding and pixels", "quiet", "seen"),
 ];
 
@@ -35,7 +35,7 @@ fn terms(rows: &Rows, patients: &[&str]) -> Table {
             "95 % interval",
             "Dice",
             "95 % interval",
-            "moves the place by",
+            "shift of the position",
         ],
     );
     for (name, with, without) in TERMS {
@@ -57,7 +57,7 @@ fn terms(rows: &Rows, patients: &[&str]) -> Table {
         [("scanned", "late_mm"), ("scanned", "tpe_mm")],
     );
     table.row([
-        "the tumour's way from the middle of the scan to its end".to_owned(),
+        "tumour motion from the middle to the end of the scan".to_owned(),
         format!("{:+.3}", late.mean),
         interval(late),
         "-".to_owned(),
@@ -103,9 +103,9 @@ fn skins(rows: &Rows, patients: &[&str]) -> Table {
         ],
     );
     let names = [
-        ("still, as it is", "still"),
-        ("no light in it", "opaque"),
-        ("no noise either", "quiet"),
+        ("still patient", "still"),
+        ("still patient, opaque skin", "opaque"),
+        ("still patient, opaque skin, no noise", "quiet"),
     ];
     for (name, input) in names {
         let mean = |column| {

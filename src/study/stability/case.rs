@@ -31,7 +31,7 @@ pub(super) struct Group {
 pub(super) enum Outcome {
     /// An answer within the allowed error.
     Held,
-    /// No answer, and a message or a mask that says so.
+    /// No answer, but a message or a mask that reports this.
     Refused,
     /// A wrong answer, or no answer without a message.
     Failed,
@@ -86,7 +86,7 @@ impl Case {
             found: f64::NAN,
             allowed: f64::NAN,
             kept: f64::NAN,
-            // Keep the first of several errors.
+            // A message may contain several errors, one per line; keep the first.
             says: says.lines().next().unwrap_or_default().to_owned(),
             outcome: if said {
                 Outcome::Refused
@@ -157,13 +157,13 @@ pub(super) fn checks(sweep: &str, rows: &[&Row]) -> Vec<Check> {
     let worst = over.filter(|v| !v.is_nan()).fold(f64::NAN, f64::max);
     let failed = rows.iter().filter(|row| row.get("outcome") == "FAILED");
     let names: Vec<&str> = failed.map(|row| row.get("case")).collect();
-    let mut what = format!("{sweep}: cases wrong or silent");
+    let mut what = format!("{sweep}: failed cases");
     if !names.is_empty() {
         what = format!("{what} ({})", names.join("; "));
     }
     let mut checks = vec![Check::at_most(what, names.len() as f64, 0.0)];
     if !worst.is_nan() {
-        let what = format!("{sweep}: worst error over what is allowed");
+        let what = format!("{sweep}: worst error / allowed error");
         checks.push(Check::at_most(what, worst, 1.0));
     }
     checks

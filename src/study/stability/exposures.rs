@@ -38,7 +38,7 @@ pub(super) const GROUP: Group = Group {
                 standard deviations of an estimated variance, from the third and fourth moments of \
                 the Poisson distribution",
             ratio: "electrons",
-            error: "variance over EMVA's, off 1",
+            error: "relative error of the variance",
             rounding: false,
             cases: noise,
         },

@@ -1,4 +1,5 @@
-//! Lenses whose distortion folds the image over, and the inverse distortion up to the fold.
+//! Lenses whose distortion folds the image over, and the accuracy of the inverse distortion up to
+//! the fold.
 
 use super::case::{Case, Group, Sweep, worse};
 use super::rays::EPS;

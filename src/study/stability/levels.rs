@@ -38,7 +38,7 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "bits-stretched",
             title: "Converters of 1 to 16 bits, values scaled to 8 or 16 bits",
-            oracle: "As before, with the grey levels that remain",
+            oracle: "Allowed as for values that are not scaled, with the remaining grey levels",
             ratio: "levels",
             error: "worst error in projector px",
             rounding: false,
@@ -46,7 +46,7 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "ambient",
-            title: "Fringes of 60 DN on more and more steady light, 16 bits without noise",
+            title: "Fringes of 60 DN on increasing constant light, 16 bits without noise",
             oracle: "Allowed at the worst pixel: half a grey level in each frame, plus f32 \
                 rounding of sums as large as the light",
             ratio: "mean over modulation",
@@ -145,7 +145,7 @@ fn bits(context: &Context<'_>, stretched: bool) -> Result<Vec<Case>> {
         };
         let stack = Stack {
             floor: 0.0,
-            // The brightest level rounds to the last level but one.
+            // The brightest level rounds to the second-largest value.
             swing: full - 0.51 * full / levels,
             noise: 0.0,
             full,
@@ -213,7 +213,7 @@ fn saturation(context: &Context<'_>) -> Result<Vec<Case>> {
             swing: 0.9 * over * 255.0,
             ..Stack::usual(context, 90 + stream)
         };
-        // With four steps, some phases have no step at full scale.
+        // With four steps, some phases have no sample at full scale.
         let patterns = [equal(PERIOD, 4), gray(8.0, true)].concat();
         let tally = stack.decode(patterns, &positions, stack.options(), GROSS * PERIOD)?;
         let bound = bound(PERIOD, 4, stack.deviation(), 0.5 * stack.swing);

@@ -48,8 +48,8 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "source-limits",
-            title: "Constants that no source has",
-            oracle: "A profile with them is refused",
+            title: "Invalid constants of a light source",
+            oracle: "A profile with these constants must be refused",
             ratio: "constant over its limit",
             error: "-",
             rounding: false,
@@ -182,31 +182,31 @@ fn limits() -> Vec<Case> {
     };
     vec![
         refused(
-            "no rise",
+            "rise time of zero",
             0.0,
             "[projector.led]\nrise_us = 0\n",
             "projector.led.rise_us",
         ),
         refused(
-            "a rise of a femtosecond",
+            "rise time of a femtosecond",
             1e-6,
             "[projector.led]\nrise_us = 1e-9\n",
             "projector.led.rise_us",
         ),
         refused(
-            "heat of thirty years",
+            "thermal time constant of thirty years",
             1e3,
             &droop("1e9", "0.1"),
             "time_constant_s",
         ),
         refused(
-            "heat of no time",
+            "thermal time constant of zero",
             0.0,
             &droop("0", "0.1"),
             "time_constant_s",
         ),
         refused(
-            "heat that takes all light",
+            "thermal loss of all light",
             1.1,
             &droop("9", "1.0"),
             "fraction",

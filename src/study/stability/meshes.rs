@@ -46,7 +46,7 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "mesh-limits",
             title: "Invalid meshes",
-            oracle: "They are refused, and the message names the vertex or triangle",
+            oracle: "The mesh must be refused with a message that names the vertex or triangle",
             ratio: "triangles",
             error: "-",
             rounding: false,
@@ -226,8 +226,8 @@ fn twins(context: &Context<'_>) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for (name, key, mesh) in [
         ("each triangle 50 times", "twins", twins),
-        ("corners that are one, edges there and back", "flat", flat),
-        ("vertices twice", "copies", copies),
+        ("triangles of zero area", "flat", flat),
+        ("duplicate vertices", "copies", copies),
     ] {
         let (worst, seen, _) = rendered(context, key, &mesh, |_| Some(false))?;
         let ratio = mesh.triangles.len() as f64;
@@ -282,22 +282,17 @@ fn refused() -> Vec<Case> {
             "no triangle",
         ),
         Case::refused(
-            "a corner that is no number",
+            "a NaN vertex",
             1.0,
             &complaint(triangle(DVec3::NAN)),
             "vertex 2",
         ),
         Case::refused(
-            "a corner 1e10 mm away",
+            "a vertex 1e10 mm away",
             1.0,
             &complaint(triangle(DVec3::X * 1e10)),
             "within",
         ),
-        Case::refused(
-            "a corner that is not there",
-            2.0,
-            &complaint(torn),
-            "vertices 0 to 2",
-        ),
+        Case::refused("a missing vertex", 2.0, &complaint(torn), "vertices 0 to 2"),
     ]
 }

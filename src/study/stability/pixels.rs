@@ -36,8 +36,8 @@ pub(super) const GROUP: Group = Group {
         },
         Sweep {
             key: "held-stated",
-            title: "The same: error against the stated standard deviation",
-            oracle: "Allowed: 1.1 times the stated one",
+            title: "Camera pixels as in the previous sweep: error against the stated standard deviation",
+            oracle: "Allowed: 1.1 times the stated standard deviation",
             ratio: "camera pixel in projector px",
             error: "RMS error in projector px",
             rounding: false,

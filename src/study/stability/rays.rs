@@ -84,7 +84,7 @@ pub(super) const GROUP: Group = Group {
         Sweep {
             key: "parallel",
             title: "Rays that are parallel, diverge, or meet behind the lens",
-            oracle: "There is no point; ratio: the distance at which they would meet over the baseline",
+            oracle: "No valid intersection exists; ratio: distance of the intersection over the baseline",
             ratio: "distance over baseline",
             error: "depth error in mm",
             rounding: false,
@@ -362,7 +362,7 @@ fn parallel() -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for ratio in [1e2, 1e4, 1e6, 1e8, 1e10] {
         let truth = 400.0 * ratio;
-        let name = format!("parallel but for {:e} rad", 1.0 / ratio);
+        let name = format!("{:e} rad from parallel", 1.0 / ratio);
         let found = depth(px(truth), 0.0).map_or(f64::NAN, |(depth, _)| (depth - truth).abs());
         let slope = truth * truth / (400.0 * 1500.0);
         cases.push(Case::held(
@@ -374,22 +374,22 @@ fn parallel() -> Result<Vec<Case>> {
     }
     for (name, ratio, coordinate, sigma) in [
         (
-            "parallel but for 1e-6 rad, coordinate known to 1e-3 px",
+            "1e-6 rad from parallel, coordinate sigma 1e-3 px",
             1e6,
             px(4e8),
             1e-3,
         ),
         ("parallel", f64::INFINITY, 511.5 + 1500.0 * 0.125, 0.0),
         (
-            "parallel, coordinate known to 1e-3 px",
+            "parallel, coordinate sigma 1e-3 px",
             f64::INFINITY,
             511.5 + 1500.0 * 0.125,
             1e-3,
         ),
         ("meet 1 mm behind the lens", 0.0025, px(-1.0), 1e-3),
         ("meet 1 km behind the lens", 2500.0, px(-1e6), 1e-3),
-        ("a coordinate that is no number", f64::NAN, f64::NAN, 1e-3),
-        ("a coordinate without an end", f64::NAN, f64::INFINITY, 1e-3),
+        ("a NaN coordinate", f64::NAN, f64::NAN, 1e-3),
+        ("an infinite coordinate", f64::NAN, f64::INFINITY, 1e-3),
     ] {
         let says = silent(depth(coordinate, sigma));
         cases.push(Case::refused(name, ratio, &says, NO_DEPTH));
@@ -398,7 +398,7 @@ fn parallel() -> Result<Vec<Case>> {
             px: &[coordinate as f32; WIDTH],
             sigma: &[sigma as f32; WIDTH],
         };
-        // The pixel of the row with the same ray; its x is exact in f32 too.
+        // Index in the row of the pixel with this ray; its x is exact in f32 too.
         triangulator.row(23, Some(x), None, &mut z, &mut sd);
         let says = silent((!z[39].is_nan()).then_some((f64::from(z[39]), 0.0)));
         cases.push(Case::refused(

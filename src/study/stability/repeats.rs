@@ -27,11 +27,11 @@ pub(super) const GROUP: Group = Group {
     sweeps: &[
         Sweep {
             key: "frames-statistics",
-            title: "Noise of 8 frames from each of these frame numbers on",
+            title: "Noise of 8 consecutive frames that start at each of these frame numbers",
             oracle: "Variance by EMVA 1288, as for the first frames. Allowed: 4 standard \
                 deviations",
             ratio: "frame",
-            error: "variance over EMVA's, off 1",
+            error: "relative error of the variance",
             rounding: false,
             cases: statistics,
         },
@@ -148,7 +148,7 @@ fn repetition(context: &Context<'_>) -> Result<Vec<Case>> {
             cases.push(Case::failed(
                 name,
                 id as f64,
-                "the same frame twice is not the same",
+                "the same frame rendered twice has different bytes",
             ));
             continue;
         }
@@ -211,7 +211,7 @@ fn flicker() -> Result<Vec<Case>> {
             found,
             16.0 * EPS_F32 * 255.0,
         );
-        // Require that the lamp flickers; if not, the case proves nothing.
+        // Require that the lamp flickers; without flicker the case would test nothing.
         cases.push(case.kept(f64::from(u8::from(swing > 1.0)), 1.0));
     }
     Ok(cases)

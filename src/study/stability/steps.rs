@@ -177,8 +177,8 @@ fn bunched(context: &Context<'_>) -> Result<Vec<Case>> {
         let rounding = 2.0 * 6.0 * EPS_F32 * 42_000.0 / 20_000.0;
         let coarse = f32_floor(16.0, 6, 22_000.0, 20_000.0) + 16.0 / TAU * mean.sqrt() * rounding;
         let allowed = 1.05 * noise.hypot(coarse);
-        // If phases are less precise than 0.15 rad, all pixels are rejected; for clearly more precise
-        // phases, at least 90 % must remain.
+        // The decoder rejects pixels whose phase is less precise than 0.15 rad. If the phases are
+        // clearly more precise, at least 90 % of the pixels must remain.
         let least = if mean.sqrt() * stack.deviation() / 20_000.0 < 0.05 {
             0.9
         } else {

@@ -236,7 +236,7 @@ fn with_steps(frames: &[ManifestFrame], steps: u32) -> Vec<ManifestFrame> {
     out
 }
 
-/// Scales fringes and Gray cells by `by`; the code gets a bit more or less.
+/// Scales fringes and Gray cells by `by`; this may add or remove a bit of the code.
 fn with_period(frames: &[ManifestFrame], by: f64) -> Result<Vec<ManifestFrame>> {
     let mut out = Vec::new();
     for axis in [Axis::X, Axis::Y] {

@@ -120,7 +120,8 @@ mod tests {
                 .sum();
             let mean = sum / (n * n) as f64;
             let found = footprint.mean(&integral);
-            // At steps of the row, the sampled positions are accurate to half of their spacing.
+            // At steps between pixels of the row, sampling is accurate to half of the spacing of
+            // the samples.
             assert!((found - mean).abs() < 0.03, "{found} {mean}");
         }
         assert!(Integral::new(&PatternImage::Uniform(3)).is_none());

@@ -10,7 +10,7 @@ use phasmid_report::plot::figures;
 
 /// The ceiling-mounted pods.
 const POD: &str = "sgrt-ceiling";
-/// A random device of `tests/studies/zoo`, for which nothing was tuned.
+/// A random device from `tests/studies/zoo`, for which no parameter was tuned.
 const ZOO: &str = "zoo-20";
 /// The devices, each with its scene.
 const DEVICES: [(&str, &str); 4] = [
@@ -80,7 +80,7 @@ fn run(context: &Context<'_>, device: &str, scene: &str) -> Result<Vec<Row>> {
         camera.sensor_width_mm *= QUICK;
         [camera.width_px, camera.height_px] =
             [camera.width_px, camera.height_px].map(|px| (f64::from(px) * QUICK) as u32);
-        // One knob at a time, and each knob once.
+        // Keep one setting for each combination of knobs, and time it once.
         wanted = once(&wanted);
         rounds = (1, 0.0);
     }
@@ -210,7 +210,7 @@ pub fn section(rows: &Rows) -> Section {
             .map(|(_, m)| m.bound_mm / m.rmse_mm)
             .fold(f64::NAN, f64::max);
         checks.push(Check::at_most(
-            format!("{device}: bound over the error of a setting that may be chosen, largest"),
+            format!("{device}: largest ratio of bound to error of a sound setting"),
             over,
             ABOVE_ERROR,
         ));

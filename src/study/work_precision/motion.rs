@@ -199,7 +199,7 @@ pub fn section(rows: &Rows) -> Section {
             "motion",
             "tolerance, px",
             "instants",
-            "keys every, ms",
+            "key interval, ms",
             "traced, %",
             "median, px",
             "99.9 %, px",
@@ -253,12 +253,12 @@ pub fn section(rows: &Rows) -> Section {
     };
     let checks = vec![
         Check::at_most(
-            "motion: 99.9 % of the coordinates, over the tolerance",
+            "motion: 99.9 % quantile of the differences / tolerance",
             over("most_px", &|row| row.value("tolerance_px")),
             1.0,
         ),
         Check::at_most(
-            "motion: worst coordinate, over ten times the tolerance",
+            "motion: worst difference / (10 * tolerance)",
             over("worst_px", &|row| WORST * row.value("tolerance_px")),
             1.0,
         ),

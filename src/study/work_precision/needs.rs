@@ -64,7 +64,7 @@ pub fn need(term: Term, profile: &mut Profile, scene: &mut Scene) {
             let bounce = toml::from_str("samples = 64").expect("constant text");
             scene.interreflection = Some(bounce);
         }
-        // A breath of 10 mm; geometry is traced at four instants per frame.
+        // The object moves by 10 mm, as in a breath; geometry is traced at four instants per frame.
         Term::Motion => {
             let motion = "period_s = 4\n[[keyframes]]\ntime_s = 0\n\
                           [[keyframes]]\ntime_s = 2\nposition_mm = [0, 0, -10]";

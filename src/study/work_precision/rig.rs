@@ -6,7 +6,8 @@ use phasmid_profile::Profile;
 use phasmid_protocol::PixelFormat;
 use std::f64::consts::TAU;
 
-/// Digital numbers of a fine converter per digital number of the bench's: 65535 / 255.
+/// Digital numbers of the 16-bit converter per digital number of the bench's 8-bit converter: 65535
+/// / 255.
 pub const FINE: f64 = 257.0;
 
 /// Period of the bench's fringes in pattern-image pixels.

@@ -104,7 +104,8 @@ fn a_dialect_without_a_trigger_is_refused_at_once() {
     let text = gspark().replace(trigger, "");
     let dialect = Dialect::parse(&text, "mine").unwrap();
     assert!(dialect.host().needed().eq(["trigger"]));
-    let port = MemoryPort::new(|bytes: &[u8]| panic!("nothing is sent: {bytes:?}"));
+    let port =
+        MemoryPort::new(|bytes: &[u8]| panic!("the host must send nothing, but sent {bytes:?}"));
     let timeout = Duration::from_millis(20);
     let camera = || Ok(MemoryCamera::default());
     let error = Scanner::with_dialect(port, Some(dialect), timeout, camera).err();

@@ -1,5 +1,5 @@
-//! Closed forms for a rig and two surfaces: from a camera pixel to the projector pixel that lights
-//! the point that it sees.
+//! Closed forms for a rig and two surfaces: they map a camera pixel to the projector pixel that
+//! lights the point seen by that camera pixel.
 
 use glam::{DVec2, DVec3};
 use phasmid::profile::Profile;
@@ -17,8 +17,8 @@ pub struct Rig {
 
 /// A surface that a ray from the origin meets at most once.
 pub trait Surface: Sync {
-    /// Returns the point where a ray of direction z = 1 meets the surface, and the unit normal
-    /// towards the camera.
+    /// Returns the point where a ray meets the surface, and the unit normal towards the camera. The
+    /// ray starts at the origin, and its direction has z = 1.
     fn meet(&self, ray: DVec3) -> Option<(DVec3, DVec3)>;
     /// Returns the scene with this surface as TOML, without name and description.
     fn toml(&self) -> String;

@@ -255,8 +255,8 @@ fn fringes_from_two_pixels_to_the_whole_width_are_exact() {
             let px = DVec2::new((i % 1138) as f64, (i / 1138) as f64);
             let x = |px| rig.lit_from(&plane, px).unwrap().x;
             let by = |axis: DVec2| x(px + axis * 0.5) - x(px - axis * 0.5);
-            // This footprint has no extent along the other axis. The table assigns it an extent
-            // there, on which no level depends.
+            // This footprint has no extent along the other axis. The table assigns an extent along
+            // that axis, on which no level depends.
             let exact = mean_level(levels, x(px), [by(DVec2::X), by(DVec2::Y)]);
             let level = (f64::from(seen[i]) - black) / (f64::from(white[i]) - black) * 255.0;
             assert!(
@@ -307,7 +307,8 @@ fn longer_exposures_are_never_darker_from_1_us_to_10_s() {
     }
 }
 
-/// Needs 2.7 GB: `.ci/run` runs it by name, with `--ignored --nocapture`, so that it prints.
+/// Needs 2.7 GB. `.ci/run` runs this test by name, with `--ignored --nocapture`, so that its output
+/// is shown.
 #[test]
 #[ignore = "ten million triangles: 2.7 GB, and a quarter of a minute"]
 fn renders_ten_million_triangles() {

@@ -157,7 +157,7 @@ fn disc_px(profile: &Profile, z_mm: f64) -> f64 {
     let camera = &profile.camera;
     let pupil_mm = camera.focal_length_mm / camera.f_number;
     let focus_mm = camera.focus_mm.unwrap();
-    // Diameter of the pencil of rays from the point, first in the plane in focus and then on the
+    // Diameter of the pencil of rays from the point, first in the focal plane and then on the
     // sensor.
     let there_mm = pupil_mm * (z_mm - focus_mm).abs() / z_mm;
     let pixel_mm = camera.sensor_width_mm / f64::from(camera.width_px);

@@ -137,7 +137,8 @@ fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
-/// Returns a scene with a box around a ball, in front of a wall, so that every surface sees another.
+/// Returns a scene with a box around a ball, in front of a wall, so that every surface sees at
+/// least one other surface.
 fn clutter(samples: u32, step_px: u32) -> Scene {
     let text = format!(
         "{}ambient = {{ irradiance_w_m2 = 0.02 }}\n[[light]]\nkind = \"point\"\n\

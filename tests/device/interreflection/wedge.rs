@@ -45,7 +45,7 @@ fn wedge_errors(walls: &str, folder: &Path, samples: u32, scale: f64) -> Vec<f64
 fn a_right_angled_wedge_has_the_form_factors_profile() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = |scale| (mesh_walls(folder.path(), scale), scale);
-    // Scaled, the meshes are about 50 mm and 100 m away.
+    // After scaling, the meshes are about 50 mm and 100 m away.
     for (walls, scale) in [(solid_walls(), 1.0), mesh(1.0), mesh(0.05), mesh(100.0)] {
         let of = |samples| wedge_errors(&walls, folder.path(), samples, scale);
         let (few, many) = (of(64), of(1024));

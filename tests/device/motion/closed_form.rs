@@ -26,8 +26,8 @@ fn ray(profile: &Profile, pixel: usize) -> DVec3 {
     ((px - (DVec2::new(w, h) - 1.0) / 2.0) / focal).extend(1.0)
 }
 
-/// Returns a scene with a plane rotated about y that moves uniformly along the scene's axes for ten
-/// seconds.
+/// Returns a scene with a plane rotated about y that translates uniformly along the scene's axes
+/// for ten seconds.
 fn sliding(tilt_deg: f64, from: [f64; 3], to: [f64; 3]) -> Scene {
     let turn = format!("rotation_deg = [0, {tilt_deg:?}, 0]");
     scene(
@@ -82,7 +82,7 @@ fn moving_plane_lies_where_its_speed_puts_it() {
 #[test]
 fn a_fringe_that_moves_keeps_the_contrast_of_its_integral() {
     let mut profile = bench();
-    // With coarser levels, rounding would distort a fringe by more than the effect under test.
+    // With fewer levels, rounding would distort the fringes by more than the effect under test.
     profile.projector.bits = 12;
     let (period, exposure) = (16.0, 8 * MS);
     // The plane moves away from the camera, by half a period of the pattern image during the

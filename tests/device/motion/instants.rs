@@ -118,7 +118,7 @@ fn meshes_that_do_not_fit_are_refused() {
         ),
         (
             "absent.ply",
-            vec!["keyframes[1].file", "absent.ply", "a file that is there"],
+            vec!["keyframes[1].file", "absent.ply", "an existing file"],
         ),
     ] {
         let text = format!(

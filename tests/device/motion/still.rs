@@ -187,7 +187,11 @@ fn a_row_of_a_rolling_shutter_is_that_of_a_global_one_at_its_time() {
             // At edges, neighbouring rows decide which pixels are sampled.
             assert!(off(&all) <= 6, "{more} {samples} {row}: {}", off(&all));
             if row == 81 && bar < 1.0 {
-                assert!(off(&early) > 100, "{row}: it has moved: {}", off(&early));
+                assert!(
+                    off(&early) > 100,
+                    "{row}: the object has moved: {}",
+                    off(&early)
+                );
             }
         }
     }
@@ -267,7 +271,7 @@ fn object_at_rest_with_a_motion_keeps_every_byte() {
     let mut held = renderer(&profile, &held, 4, 3);
     let off = apart(&still.data, &held.expose(&exposure).data);
     assert!(off <= 3, "{off}");
-    assert!(!held.prepare(), "its geometry is at hand");
+    assert!(!held.prepare(), "the geometry is already computed");
     // A scene without motion is rendered at one instant even if more are requested.
     let mut forced = renderer(&profile, &object(place), 7, 3);
     forced.force(Term::Motion, true);

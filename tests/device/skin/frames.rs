@@ -161,8 +161,8 @@ fn an_edge_of_skin_has_the_levels_of_its_inside() {
             let whole = Truth::LIT | Truth::CREASE;
             let x = truth.projector_x[i + 1138];
             if cut && inside & whole == Truth::LIT && (100.0..1820.0).contains(&x) {
-                // On average, the four samples below the edge lie 3/32 of a pixel beside the pixel's
-                // centre.
+                // On average, the four samples below the edge are 3/32 of a pixel to the side of
+                // the pixel's centre.
                 let (here, next) = (found[i + 1138], found[i + 1139]);
                 let expected = here + (next - here) * 3.0 / 32.0;
                 worst = worst.max(255.0 * (found[i] - expected).abs());

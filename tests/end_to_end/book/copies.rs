@@ -1,6 +1,6 @@
 //! Parts of the book's pages that are copies of source files. Between `<!-- copy of PATH -->` and
-//! `<!-- end of copy -->`, a page holds the file itself, so that it reads the same on a web site
-//! that shows Markdown as in the built book.
+//! `<!-- end of copy -->`, a page contains the text of the file, so that the page looks the same on
+//! a web site that renders Markdown and in the built book.
 
 use super::{assert_generated, pages, root, text};
 use std::path::Path;

@@ -75,8 +75,8 @@ const DOCUMENTS: [(&str, &str, &str); 7] = [
 struct Definition {
     attributes: Vec<Attribute>,
     shape: Shape,
-    /// Default values that a function or an `impl Default` in the same file gives, by the name of
-    /// the function or field.
+    /// Default values from functions and `impl Default` blocks of the same file, by the name of the
+    /// function or field.
     defaults: Defaults,
 }
 

@@ -103,7 +103,7 @@ impl Import {
         let output = self.run(out);
         let complaint = words(&output.stderr);
         assert!(output.status.success(), "{complaint}");
-        assert!(complaint.is_empty(), "a pipe hears nothing: {complaint}");
+        assert!(complaint.is_empty(), "no progress in a pipe: {complaint}");
         words(&output.stdout)
     }
 
@@ -172,7 +172,7 @@ fn the_isocentre_is_the_tumours_middle_and_the_reference_at_rest() {
     import.phases.remove(5);
     let out = folder.path().join("a/b");
     let said = import.made(&out);
-    let note = "phase 50 % has no field of its own";
+    let note = "phase 50 % has no displacement field";
     assert!(said.contains(note), "{said}");
     let planning = Planning::load(&out).unwrap();
     assert_eq!((planning.name.as_str(), planning.phases.len()), ("p07", 10));

@@ -97,10 +97,7 @@ fn client_that_stops_reading_gets_an_error_for_lost_replies() {
         "{} bytes",
         all.len()
     );
-    assert!(
-        all.len().is_multiple_of(one),
-        "replies are lost whole or not at all"
-    );
+    assert!(all.len().is_multiple_of(one), "only whole replies are lost");
     port.send(b"SYST:ERR?\n", LONG).unwrap();
     let len = port.receive(&mut buffer, LONG).unwrap();
     assert!(

@@ -51,7 +51,7 @@ fn paused_device_goes_on_by_itself_at_another_pace() {
     let paused = count(&mut stream, ClockPace::Stepped, 0);
     assert!(paused > began);
     let again = count(&mut stream, ClockPace::Fast, 3);
-    assert_eq!(again, paused, "time stood still");
+    assert_eq!(again, paused, "time stands still when stepped");
     count(&mut stream, ClockPace::Real, 3);
     assert!(clock(&mut stream, Request::Get(Item::Clock)).now_ns > paused);
     served.stop(Signal::TERM);
@@ -62,7 +62,8 @@ fn step_exposes_the_frames_within_it() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
     let mut instrument = served.instrument();
-    // Must be set before the first reader connects, because the camera would run free for it.
+    // Set this before the first reader connects; otherwise the camera would run free as soon as it
+    // connects.
     instrument.order("TRIG:SOUR BUS").unwrap();
     let mut camera = open_camera(&served.at.camera, CameraDriver::Auto, LONG).unwrap();
     instrument.order("INIT;*TRG").unwrap();
@@ -118,7 +119,7 @@ fn scan_while_stepped_time_stands_still_names_the_clock() {
 fn step_of_a_day_can_be_cancelled() {
     let served = Served::spawn_as_it_is(serve().args(["--clock", "stepped"]));
     let mut stream = service(&served);
-    // Because a client reads, each of the three million frames must be rendered.
+    // A client reads, so each of the three million frames must be rendered.
     let address = served.at.camera.clone();
     std::thread::spawn(move || {
         let mut camera = open_camera(&address, CameraDriver::Auto, LONG).unwrap();
@@ -161,7 +162,7 @@ fn step_of_a_day_can_be_cancelled() {
         if now(&mut stream) == before {
             break;
         }
-        assert!(std::time::Instant::now() < end, "it goes on");
+        assert!(std::time::Instant::now() < end, "the step has not stopped");
     }
     let before = now(&mut stream);
     let step = Request::Clock(Step::StepNs(1_000_000));
@@ -267,7 +268,7 @@ fn device_that_renders_too_slowly_for_real_time_reports_it_once() {
         assert!(begin.elapsed() < LONG, "the device does not report it");
     };
     assert!(slowdown >= 1.5, "{slowdown}");
-    // Read as many frames as the first report of a slowdown took.
+    // Read as many frames as were needed for the first report of a slowdown.
     for _ in 0..15 {
         camera.next_frame(LONG).unwrap();
     }

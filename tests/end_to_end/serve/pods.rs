@@ -37,8 +37,8 @@ impl Room {
             .iter()
             .all(|pod| run.join(pod).join("device.json").exists())
         {
-            assert!(Instant::now() < end, "the pods do not come up");
-            assert!(child.try_wait().unwrap().is_none(), "the pods have gone");
+            assert!(Instant::now() < end, "the pods do not start");
+            assert!(child.try_wait().unwrap().is_none(), "the server has ended");
             std::thread::sleep(Duration::from_millis(5));
         }
         Self { child, run, base }
@@ -118,7 +118,7 @@ fn pod_that_was_moved_is_located_again() {
     let found = station(out.to_str().unwrap());
     assert_eq!(found.scene().as_deref(), Some("treatment-room"));
     for (place, truth) in places(&found).iter().zip(&places(&station(file))) {
-        // The located pod must map the isocentre to the right position and keep directions.
+        // The located pose must map the isocentre to the right position and preserve directions.
         let off = *place * truth.inverse();
         assert!(off.translation_mm.length() < 0.01, "{off:?}");
         let turned = off.rotation - glam::DMat3::IDENTITY;
@@ -215,7 +215,7 @@ fn pod_that_was_moved_is_located_again() {
     one_twice.args(["locate", "--device", &left, "--device", &right, "--out"]);
     refused(
         one_twice.arg(&new),
-        &["--device: left and right by the same port; expected ports of its own"],
+        &["--device: left and right use the same port; expected separate ports"],
     );
     // One pod appears under another pod's name, and the board is at another position.
     let mut other = phasmid();
@@ -330,7 +330,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     let end = Instant::now() + HANG;
     while lines(&out).len() < 3 {
         assert!(Instant::now() < end, "no lines");
-        assert!(track.try_wait().unwrap().is_none(), "it has ended");
+        assert!(track.try_wait().unwrap().is_none(), "the command has ended");
         std::thread::sleep(Duration::from_millis(20));
     }
     let server = Pid::from_child(&room.child);
@@ -343,7 +343,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     while !held(&lines(&out)) {
         assert!(
             Instant::now() < end,
-            "no line of silence: {:?}",
+            "no line that reports missing scans: {:?}",
             lines(&out)
         );
         std::thread::sleep(Duration::from_millis(20));
@@ -351,7 +351,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     kill_process(server, Signal::CONT).unwrap();
     let count = lines(&out).len();
     while lines(&out).len() < count + 2 {
-        assert!(Instant::now() < end, "no lines after the silence");
+        assert!(Instant::now() < end, "no lines after the server continues");
         std::thread::sleep(Duration::from_millis(20));
     }
     kill_process(Pid::from_child(&track), crate::interrupt()).unwrap();
@@ -363,7 +363,7 @@ fn a_patient_is_followed_and_a_silent_device_holds_the_beam() {
     for line in lines(&out) {
         let fields: Vec<&str> = line.trim_end().split(',').collect();
         assert!(fields.len() >= names.len(), "{line}");
-        // A line that is written while no data arrives has no points.
+        // A line that was written while no data arrived has no points.
         if fields[column("points")].is_empty() {
             continue;
         }

@@ -23,7 +23,7 @@ fn scan_over_pty_and_socket_writes_decoder_input() {
     );
     assert_eq!(summary["calibration"], "device");
     let source = served.instrument().query("TRIG:SOUR?").unwrap();
-    assert_eq!(source, "INT", "left as it was found");
+    assert_eq!(source, "INT", "the trigger source is restored");
     for name in [
         "frame_00.png",
         "frame_12.png",
@@ -187,7 +187,7 @@ fn scan_refuses_outputs_that_are_other_files_of_it() {
 
 #[test]
 fn output_that_cannot_be_made_is_refused_before_the_device_is_opened() {
-    // The kernel makes no folders here, not even for root.
+    // The kernel does not allow folders to be created here, not even by root.
     for (option, other) in [("--out", "--record"), ("--record", "--out")] {
         let base = tempfile::tempdir().unwrap();
         let output = phasmid()

@@ -87,7 +87,7 @@ fn each_device_has_its_own_endpoints_scene_and_noise() {
         assert_eq!(scan.wait().unwrap().code(), Some(0));
         std::fs::read(out.join("cloud.ply")).unwrap()
     });
-    assert!(clouds[0] != clouds[1], "their noise is not the same");
+    assert!(clouds[0] != clouds[1], "the devices have different noise");
     end(child);
     assert!(!run.exists(), "nothing is left behind");
 }

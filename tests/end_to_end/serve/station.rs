@@ -39,8 +39,8 @@ impl Pair {
         let end = Instant::now() + 4 * LONG;
         let dirs = ["near", "far"].map(|name| run.join(name));
         while !dirs.iter().all(|dir| dir.join("device.json").exists()) {
-            assert!(Instant::now() < end, "the devices do not come up");
-            assert!(child.try_wait().unwrap().is_none(), "the devices have gone");
+            assert!(Instant::now() < end, "the devices do not start");
+            assert!(child.try_wait().unwrap().is_none(), "the server has ended");
             std::thread::sleep(Duration::from_millis(5));
         }
         let at = dirs.map(|dir| Endpoints::read(&dir).unwrap());

@@ -78,7 +78,7 @@ fn leaves_what_the_socket_leaves(name: &str, usb: &str) {
     assert!(usb.contains_key("cloud.ply") && usb.contains_key("frame_12.png"));
     assert!(usb.keys().eq(socket.keys()), "{:?}", usb.keys());
     for (file, bytes) in &usb {
-        assert!(*bytes == socket[file], "{file} is another over USB");
+        assert!(*bytes == socket[file], "{file} differs over USB");
     }
 }
 
@@ -114,7 +114,7 @@ fn host(served: &Served) -> String {
 fn refusal(command: &mut Command, status: i32, says: &str) {
     let start = Instant::now();
     let output = command.stdin(Stdio::null()).output().unwrap();
-    assert!(start.elapsed() < LONG, "{command:?} takes its time");
+    assert!(start.elapsed() < LONG, "{command:?} takes too long");
     one_message(&output, status, says);
 }
 
@@ -146,7 +146,7 @@ fn unavailable_addresses_ports_and_devices_are_refused() {
         1,
         &format!("{host}: something else listens there"),
     );
-    // An address reserved by RFC 5737, which no machine has.
+    // RFC 5737 reserves this address, so no machine has it.
     refusal(&mut second("192.0.2.1:3240"), 1, "192.0.2.1:3240");
     assert!(!run.exists());
 
@@ -225,7 +225,7 @@ fn public_listen_address_is_warned_of() {
             .unwrap();
         let end = Instant::now() + LONG;
         while !run.join("device.json").exists() {
-            assert!(Instant::now() < end, "the device does not come up");
+            assert!(Instant::now() < end, "the device does not start");
             std::thread::sleep(Duration::from_millis(5));
         }
         let pid = rustix::process::Pid::from_child(&child);
@@ -276,10 +276,13 @@ fn a_device_that_is_killed_in_the_middle_of_a_scan_is_one_error() {
     served.child.kill().unwrap();
     let start = Instant::now();
     let ended = scan.wait_with_output().unwrap();
-    assert!(start.elapsed() < LONG / 2, "no waiting for the dead");
+    assert!(
+        start.elapsed() < LONG / 2,
+        "the scan does not wait for a killed server"
+    );
     one_message(&ended, 1, "disconnected");
     assert!(text(&ended).contains(&served.at.camera), "{}", text(&ended));
-    assert!(!out.exists(), "no half recording");
+    assert!(!out.exists(), "no partial output");
 }
 
 #[test]
@@ -443,11 +446,11 @@ fn closing_pty_or_usb_end_does_not_disturb_the_other() {
     pty.send(slow.as_bytes(), LONG).unwrap();
     let device = Arc::new(UsbDevice::open(&address, LONG).unwrap());
     drop(UsbPort::open(&device).unwrap());
-    assert_eq!(line(&mut pty), "1", "the answer came, and to the pty");
+    assert_eq!(line(&mut pty), "1", "the answer goes to the pty");
 
     let mut usb = UsbPort::open(&device).unwrap();
     usb.send(slow.as_bytes(), LONG).unwrap();
     drop(pty);
-    assert_eq!(line(&mut usb), "1", "the answer came, and over USB");
+    assert_eq!(line(&mut usb), "1", "the answer goes over USB");
     assert_eq!(ask(&mut usb, "SYST:ERR:COUN?"), "0");
 }

@@ -14,7 +14,8 @@ pub struct Figures {
     pub points: usize,
     /// Root mean square distance of the dots' centres from the truth, in pixels of the camera.
     pub dots_px: f64,
-    /// Root mean square of the same distances divided by their standard deviations.
+    /// Root mean square of the distances of the dots' centres from the truth, divided by their
+    /// standard deviations.
     pub dots_whitened: f64,
     /// Mean reprojection error of the camera in pixels.
     pub camera_px: f64,
@@ -25,7 +26,8 @@ pub struct Figures {
     /// Root mean square of the errors of the projector's coordinates at the exact positions of the
     /// points, divided by their standard deviations.
     pub lit_whitened: f64,
-    /// Root mean square of the same errors, in projector pixels.
+    /// Root mean square of the errors of the projector's coordinates at the exact positions of the
+    /// points, in projector pixels.
     pub lit_px: f64,
     /// Squared Mahalanobis distance of all parameters from the truth.
     pub distance: f64,

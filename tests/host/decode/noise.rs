@@ -177,7 +177,7 @@ fn noise_is_estimated_from_redundancy() {
             assert!((f.ratio - 1.0).abs() < 0.06, "{f:?}");
         }
     }
-    // From three steps and Gray code without complements, the noise cannot be estimated; a note
+    // The noise cannot be estimated from three steps and a Gray code without complements; a note
     // reports this.
     let (_, _, notes) = estimate(
         [

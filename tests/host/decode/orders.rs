@@ -166,7 +166,8 @@ fn decodes_both_axes_and_gray_code_alone() {
     let decoded = scene.decode(&manifest(code), &positions, options);
     let f = figures(&decoded, Axis::X, &positions, 4.6);
     assert!(f.gross == 0.0 && f.coverage > 0.99, "{f:?}");
-    // Uniform within a cell: cell / sqrt(12), less where an edge is seen.
+    // The position is uniform within a cell: sigma is cell / sqrt(12), or less where an edge is
+    // seen.
     assert!((f.sigma - 8.0 / 12.0f64.sqrt()).abs() < 1e-3 && f.ratio < 1.0 && f.ratio > 0.7);
 }
 

@@ -48,7 +48,7 @@ proptest! {
 fn any_pattern() -> impl Strategy<Value = Pattern> {
     let axis = || prop_oneof![Just(Axis::X), Just(Axis::Y)];
     prop_oneof![
-        // Only few different values, so that the drawn patterns form sets and codes.
+        // Draw from few different values, so that the patterns form sets and codes.
         6 => (axis(), prop_oneof![Just(2.5), Just(16.0), Just(24.0), Just(1e6)], 0u8..6).prop_map(
             |(axis, period_px, step)| Pattern::Fringe {
                 axis,

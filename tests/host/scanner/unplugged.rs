@@ -59,7 +59,7 @@ impl Cable {
         }
         match self.plugged {
             true => Ok(()),
-            false => Err(Error::device("it has not come back")),
+            false => Err(Error::device("the device has not come back")),
         }
     }
 }
@@ -283,7 +283,7 @@ fn device_that_stays_unplugged_fails_once_in_one_line() {
             words.contains(" on a cable: the device disconnected; then: "),
             "{words}"
         );
-        assert!(words.ends_with("it has not come back"), "{words}");
+        assert!(words.ends_with("the device has not come back"), "{words}");
         assert!(!words.contains('\n'), "{words}");
         assert_eq!(outcome.opened, [opened], "{pulled:?}");
         assert_eq!(outcome.retries, [""; 0], "{pulled:?}");

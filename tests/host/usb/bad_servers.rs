@@ -250,7 +250,7 @@ fn reports_silence_and_a_broken_connection() {
         .to_string();
     assert!(error.contains("disconnected"), "{error}");
     let again = client.control(GET, &[], TIMEOUT).unwrap_err().to_string();
-    assert_eq!(again, error, "the reason stays");
+    assert_eq!(again, error, "later requests report the same reason");
 }
 
 #[test]

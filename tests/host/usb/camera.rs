@@ -21,7 +21,7 @@ fn streams(speed: Speed, transfer: Transfer, frames: u64) {
             (got.width, got.height, got.format),
             (want.width, want.height, want.format)
         );
-        assert!(got.data == want.data, "frame {id} is another");
+        assert!(got.data == want.data, "frame {id} differs");
         camera.give_back(got.data);
     }
     drop(camera);
@@ -57,7 +57,7 @@ fn an_isochronous_stream_that_is_ended_at_any_moment_leaves_the_device() {
         std::thread::sleep(Duration::from_micros(137 * round));
         drop(camera);
         let configuration = device.get(Setup::STANDARD_IN, request::GET_CONFIGURATION, 0, 0, 1);
-        assert_eq!(configuration.unwrap(), [1], "the connection lives");
+        assert_eq!(configuration.unwrap(), [1], "the connection still works");
     }
 }
 

@@ -102,7 +102,7 @@ impl Checker {
                 assert_eq!(d[3] >> 2 & 3, 1, "video is asynchronous");
                 assert_eq!(
                     interface.1, 1,
-                    "bandwidth is taken by a setting other than 0"
+                    "only settings other than 0 reserve bandwidth"
                 );
             }
             (3, _) => assert!(packet <= 1024 && (1..=16).contains(&d[6])),
@@ -206,7 +206,7 @@ fn check_streaming(pieces: &[&[u8]], transfer: Transfer, control: &[Vec<u8>]) {
     let output = control.iter().find(|d| d[2] == 3).unwrap();
     assert_eq!(
         header[8], output[3],
-        "the terminal that the stream comes from"
+        "the stream comes from the output terminal"
     );
     let own = |kind| {
         pieces
@@ -286,7 +286,11 @@ fn check(speed: Speed, transfer: Transfer) {
     assert_eq!(own[17], 1, "one configuration");
     let whole = get(&device, 2, 0, u16::MAX);
     assert_eq!(u16_at(&whole, 2), whole.len());
-    assert_eq!(get(&device, 2, 0, 9), whole[..9], "as much as is asked for");
+    assert_eq!(
+        get(&device, 2, 0, 9),
+        whole[..9],
+        "no more bytes than requested"
+    );
     let pieces = cut(&whole);
     let head = pieces[0];
     assert_eq!((head.len(), head[1], head[4]), (9, 2, 4));

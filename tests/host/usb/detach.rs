@@ -40,7 +40,7 @@ fn transfers_taken_back_at_random_end_once_each() {
     for seed in 0..4 {
         let served = Served::new(Speed::High, Way::Bulk);
         let device = served.open();
-        // Negotiates a stream and ends it; the committed format remains.
+        // Negotiates a stream and ends it; the format stays committed.
         drop(UsbCamera::open(&device, None).unwrap());
         let client = device.client();
         let mut random = Random(seed);

@@ -33,7 +33,7 @@ fn any_negotiation_ends_at_supported_values() {
             .modes
             .iter()
             .find(|m| (m.format_index, m.frame_index) == (agreed[2], agreed[3]))
-            .expect("a mode that the descriptors have");
+            .expect("the agreed mode is in the descriptors");
         assert!(mode.intervals.contains(&long(4)), "interval {}", long(4));
         assert_eq!(
             long(18),

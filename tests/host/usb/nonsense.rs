@@ -83,7 +83,7 @@ fn silent_connections_do_not_keep_clients_out() {
         "{:?}",
         start.elapsed()
     );
-    // The oldest connections were closed; the newest still have time.
+    // The oldest connections have been closed; the newest have not timed out yet.
     let ended = |mut stream: &TcpStream| {
         stream.set_nonblocking(true).unwrap();
         !matches!(stream.read(&mut [0]), Err(e) if e.kind() == ErrorKind::WouldBlock)

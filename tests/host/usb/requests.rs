@@ -63,7 +63,7 @@ fn halted_endpoints_end_waiting_transfers_and_resume() {
     port.send(b"kept", TIMEOUT).unwrap();
     let mut buffer = [0; 9];
     assert_eq!(port.receive(&mut buffer, TIMEOUT).unwrap(), 4);
-    assert_eq!(buffer[..4], *b"KEPT", "what was refused has not come");
+    assert_eq!(buffer[..4], *b"KEPT", "refused bytes do not arrive");
     let mut camera = UsbCamera::open(&device, None).unwrap();
     let got = camera.next_frame(TIMEOUT).unwrap().expect("a frame");
     assert!(got.data == frame(0, PixelFormat::Grey).data);
@@ -194,7 +194,11 @@ fn controls_tell_their_length_abilities_step_and_bounds() {
     ] {
         let get = |request| video(&device, request, entity.into(), selector).unwrap();
         assert_eq!(get(uvc::request::GET_LEN), [len, 0]);
-        assert_eq!(get(uvc::request::GET_INFO), [3], "can be read and set");
+        assert_eq!(
+            get(uvc::request::GET_INFO),
+            [3],
+            "the control can be read and set"
+        );
         let ranged = [
             uvc::request::GET_MIN,
             uvc::request::GET_DEF,
@@ -209,7 +213,7 @@ fn controls_tell_their_length_abilities_step_and_bounds() {
         });
         assert!(min <= default && default <= max && min < max && step == 1);
         assert!((min..=max).contains(&current));
-        // Both ends of the range can be set and are read back; values beyond them change nothing.
+        // Both ends of the range can be set and read back; values outside the range change nothing.
         let set = |value: u64| {
             let bytes = &value.to_le_bytes()[..usize::from(len)];
             let (value, index) = (u16::from(selector) << 8, u16::from(entity) << 8);
@@ -224,7 +228,7 @@ fn controls_tell_their_length_abilities_step_and_bounds() {
             assert_eq!(
                 error_code(&device),
                 uvc::error_code::NONE,
-                "success clears it"
+                "success clears the error code"
             );
             if !fits {
                 assert!(!set(value));
@@ -249,7 +253,11 @@ fn error_code_tells_why_the_last_request_failed() {
     ] {
         assert_eq!(video(&device, request, entity, selector), None);
         assert_eq!(error_code(&device), code, "{entity} {selector:#x}");
-        assert_eq!(error_code(&device), code, "reading it changes nothing");
+        assert_eq!(
+            error_code(&device),
+            code,
+            "reading the error code does not clear it"
+        );
         video(&device, cur, 2, gain).unwrap();
         assert_eq!(error_code(&device), uvc::error_code::NONE);
     }
@@ -279,8 +287,12 @@ fn the_nearest_interval_is_agreed_on() {
             assert_eq!(agreed(near), offered[at]);
         }
     }
-    assert_eq!(agreed(0), offered[0], "no wish: the fastest");
+    assert_eq!(
+        agreed(0),
+        offered[0],
+        "without a requested interval, the shortest"
+    );
     assert_eq!(agreed(u32::MAX), offered[2]);
-    // No field of the structure has a resolution (GET_RES): each value is one of a list.
+    // No field of the structure has a resolution (GET_RES): each value comes from a list.
     assert_eq!(get(uvc::request::GET_RES), [0; 34]);
 }

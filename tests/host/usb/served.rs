@@ -87,7 +87,7 @@ impl Served {
     /// Opens the first device as a host does.
     pub fn open(&self) -> Arc<UsbDevice> {
         let address = UsbAddress::parse(&format!("usb:{}/1-1", self.host), "test").unwrap();
-        // The server notices only after a delay that the last host has disconnected.
+        // The server notices with a delay that the previous host has disconnected.
         let until = Instant::now() + TIMEOUT;
         loop {
             match UsbDevice::open(&address, TIMEOUT) {

@@ -181,7 +181,7 @@ def test_unplugged_in_a_scan_that_goes_on_when_it_is_back(scratch):
     device.plugged()
     expect_true(f"other names than {before}", device.node != before[0] and device.port != before[1])
     done = job.wait(120).ok()
-    expect_in("it says that it begins anew", "; once more", done.err)
+    expect_in("it says that it begins anew", "; scanning again", done.err)
     expect_scan("the scan", scratch.dir / "scan", wanted)
     device.stop()
 

@@ -52,7 +52,7 @@ impl Draw {
         low + (high - low) * self.unit()
     }
 
-    /// Draws with uniformly distributed logarithm.
+    /// Draws a number whose logarithm is uniformly distributed.
     fn scale(&mut self, low: f64, high: f64) -> f64 {
         self.range(low.ln(), high.ln()).exp()
     }
@@ -99,7 +99,7 @@ impl Device {
         let tele = draw.range(1.0, 2.2);
         let sensor_mm = focal_mm / tele;
         let camera_focal_px = tele * f64::from(wc);
-        // The projector's image covers the camera's.
+        // The projector's image covers the camera's field of view.
         let cover = draw.range(1.0, 1.35);
         let throw = tele / cover;
         let projector_focal_px = throw * f64::from(wp);
@@ -266,7 +266,7 @@ fn sequence(text: &mut String, code: &str, [steps, period]: [u32; 2], columns: u
     for bit in (0..bits).rev() {
         gray(fine, bits, bit);
     }
-    // The code's edges are half a cell off those of the fringes.
+    // The code's edges are half a cell away from those of the fringes.
     gray(fine / 2.0, bits + 1, 0);
     frame("kind = \"white\"".to_owned());
     frame("kind = \"black\"".to_owned());

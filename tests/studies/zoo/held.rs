@@ -75,7 +75,7 @@ fn prior_of_smooth_surface_removes_most_of_the_error() {
         for subject in [Subject::Nothing, Subject::Torso] {
             let of = |held| scan_with(w, 5e4, subject, held);
             let [own, smooth] = [Held::Correct, Held::Smooth].map(of);
-            // Near silhouettes nothing is corrected.
+            // The error is not corrected near silhouettes.
             let is_plane = matches!(subject, Subject::Nothing);
             let most = if is_plane { most } else { own.residual / 2.0 };
             let most = if w > 1.0 { own.residual } else { most };
@@ -98,8 +98,8 @@ fn planes_that_face_the_camera_are_kept_at_further_widths() {
     faces(&[0.25, 0.6667, 0.75, 1.5]);
 }
 
-/// Requires the same of planes that face the camera, with camera pixels of these widths in projector
-/// pixels.
+/// Requires the same for planes that face the camera, with camera pixels of these widths in
+/// projector pixels.
 fn faces(widths: &[f64]) {
     for &w in widths {
         for held in [Held::State, Held::Correct, Held::Smooth] {
@@ -108,8 +108,8 @@ fn faces(widths: &[f64]) {
                 found.coverage >= 0.999 && found.beyond <= 0.0015,
                 "{held:?} w {w}"
             );
-            // All pixels see the same part of a plateau, so all errors may be as large as the half
-            // width of a rectangular distribution, which is sqrt(3) of its standard deviations.
+            // All pixels see the same part of a plateau, so all errors may be as large as half the
+            // width of a rectangular distribution, which is sqrt(3) standard deviations.
             assert!(found.ratio <= 1.05 * 3f64.sqrt(), "{held:?} w {w}");
             let most = if matches!(held, Held::Smooth) {
                 0.03

@@ -13,7 +13,8 @@ use std::sync::Arc;
 
 /// Number of standard deviations beyond which an error is gross.
 pub const FEW: f64 = 5.0;
-/// Number of groups of points, by each quantity, that are evaluated separately.
+/// Number of groups into which the points are divided by each quantity; each group is evaluated
+/// separately.
 const PARTS: usize = 5;
 /// Factor on the decoder's modulation thresholds. Only pixels above it must be decoded, so that
 /// noise does not decide which ones count.
@@ -39,7 +40,7 @@ pub struct Measured {
     pub bias: [f64; 2],
     /// The decoder's notes.
     pub notes: Vec<String>,
-    /// Finding of the host's checks of the frames.
+    /// Result of the host's checks of the frames.
     pub checked: Result<(), FrameDoubt>,
 }
 
@@ -49,7 +50,7 @@ pub struct Scan {
     pub rig: Rig,
     pub truth: Truth,
     pub decoded: Decoded,
-    /// Finding of the host's checks of the frames.
+    /// Result of the host's checks of the frames.
     pub checked: Result<(), FrameDoubt>,
 }
 

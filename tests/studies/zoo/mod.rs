@@ -71,7 +71,7 @@ fn hold(seeds: Range<u64>, known: &[u64]) {
     }
     assert!(
         failed.is_empty() && warned.len() as u64 <= excused,
-        "devices that miss a bar: {failed:?}; with a note that says why: {warned:?}, allowed {excused}"
+        "devices that fail: {failed:?}; with a note that names the cause: {warned:?}, allowed {excused}"
     );
 }
 
@@ -101,7 +101,7 @@ fn the_device_of_work_precision_is_one_of_these() {
     }
 }
 
-/// Devices for `tests/numpy_decoder.py`, one of each code: seeds.
+/// Seeds of devices for `tests/numpy_decoder.py`, one for each kind of code.
 const WRITTEN: [u64; 3] = [20, 12, 14];
 
 #[test]

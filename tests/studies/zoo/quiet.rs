@@ -1,5 +1,5 @@
-//! Frames almost without noise. Effects that no model of a frame describes then exceed the noise,
-//! and must not cause pixels or frames to be rejected.
+//! Frames almost without noise. Effects that the decoder's model does not describe then exceed the
+//! noise, and must not cause pixels or frames to be rejected.
 
 use crate::zoo::setup::{Setup, Subject, fringes, gray, references};
 

@@ -27,7 +27,8 @@ pub enum Blurred {
 #[derive(Clone, Copy, Debug)]
 pub enum Subject {
     Nothing,
-    /// Nothing, and the plane is not tilted: all pixels see the same few parts of projector pixels.
+    /// No object, and the plane is not tilted: all pixels see the same few parts of projector
+    /// pixels.
     NoTilt,
     /// A sphere half sunk into the plane.
     Bump,
@@ -110,7 +111,7 @@ impl Setup {
         self.scan_with(Options::default())
     }
 
-    /// The same with options.
+    /// Scans, decodes with options and evaluates the points.
     pub fn scan_with(&self, options: Options) -> Found {
         // The torso's width is 380 mm.
         let field_mm = DISTANCE * 640.0 * self.w / (1.4 * f64::from(COLUMNS));
@@ -190,7 +191,7 @@ pub struct Found {
     /// Pixels that see more than one facet: their number, and the number of those whose coordinate is
     /// more than a projector pixel off.
     pub at_edges: [usize; 2],
-    /// Finding of the host's checks of the frames.
+    /// Result of the host's checks of the frames.
     pub checked: Result<(), FrameDoubt>,
     /// The decoder's notes.
     pub notes: String,

@@ -49,8 +49,8 @@ pub fn of_disc(
     bias.is_finite().then_some(bias)
 }
 
-/// Returns the image of a board point in pixels and the derivative of that image by the point
-/// (pixels per millimetre); `None` if the point cannot be projected.
+/// Returns the image of a board point in pixels and the derivative of that image with respect to
+/// the point (pixels per millimetre); `None` if the point cannot be projected.
 pub(crate) fn image(lens: &Lens, camera_from_board: &Pose, mm: DVec2) -> Option<(DVec2, DMat2)> {
     let p = camera_from_board.point(mm.extend(0.0));
     let px = lens.project(p)?;

@@ -30,8 +30,8 @@ pub(super) struct Edge {
     reach: f64,
 }
 
-/// Share of a pixel that lies on the edge's positive side, and the derivatives of that share by the
-/// distance and by the blur's variance.
+/// Share of a pixel that lies on the edge's positive side, and the derivatives of that share with
+/// respect to the distance and the blur's variance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Share {
     pub(super) share: f64,

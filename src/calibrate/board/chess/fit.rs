@@ -72,7 +72,7 @@ pub(super) struct Corner {
 }
 
 /// Measures a corner. `blur` is the prior for its blur. Returns `None` if the image has no corner
-/// of the expected polarity there, or if the fit is poor.
+/// of the expected polarity at the predicted position, or if the fit is poor.
 pub(super) fn fit(image: &BoardImage, guess: &Guess, blur: &Blur) -> Option<Corner> {
     let turn = guess.along_x.perp_dot(guess.along_y);
     if !(turn.is_finite() && guess.px.is_finite() && turn > 1.0) {
@@ -168,7 +168,7 @@ impl State {
         }
     }
 
-    /// Computes the level at a pixel and its derivatives by the unknowns.
+    /// Computes the level at a pixel and its derivatives with respect to the unknowns.
     fn at(&self, model: &Model, origin: DVec2, place: DVec2) -> (f64, Column) {
         let d = place - origin;
         let spread = self.variance + PIXEL;
@@ -214,7 +214,7 @@ impl State {
     }
 
     /// Standard deviation of the blur's variance. Evaluated at a variance of at least `Blur::SEEN`,
-    /// because below it the derivative by the variance is zero almost everywhere.
+    /// because below it the derivative with respect to the variance is zero almost everywhere.
     fn blur_sigma(&self, window: &Window) -> f64 {
         let variance = self.variance.max(Blur::SEEN);
         let fit = window.fit(&Self { variance, ..*self });
@@ -262,7 +262,7 @@ struct Model {
 }
 
 impl Model {
-    /// Computes S, and the derivatives of S by both distances and by the blur's variance.
+    /// Computes S, and the derivatives of S with respect to both distances and the blur's variance.
     fn at(&self, d: DVec2) -> (f64, [f64; 2], f64) {
         let u = self.normals.map(|n| n.dot(d));
         let [p, q] = [self.edges[0].at(u[0]), self.edges[1].at(u[1])];
@@ -291,8 +291,8 @@ impl Model {
         for (i, j) in (0..self.pieces).flat_map(|i| (0..self.pieces).map(move |j| (i, j))) {
             let d = d + DVec2::new(place(i), place(j));
             let u = self.normals.map(|n| n.dot(d) / sigma);
-            // Mean of each edge's sign, and the derivatives of that mean by the distance and by the
-            // variance.
+            // Mean of each edge's sign, and the derivatives of that mean with respect to the
+            // distance and the variance.
             let signs = u.map(|u| {
                 let (share, density) = normal(u);
                 let slope = 2.0 * density / sigma;
@@ -339,8 +339,8 @@ impl Model {
     }
 }
 
-/// Mean of the product of two signs, and the derivatives of that mean by both distances and by the
-/// blur's variance.
+/// Mean of the product of two signs, and the derivatives of that mean with respect to both
+/// distances and the blur's variance.
 #[derive(Default)]
 struct Signs {
     s: f64,

@@ -35,8 +35,8 @@ impl Grid {
 
 /// Builds the grids of an image, the one with the most corners first.
 pub(super) fn grids(saddles: &[Saddle], links: &Links) -> Vec<Grid> {
-    // Position and rotation of each saddle: its edge k points in direction k + rotation (modulo 4)
-    // of the grid, counted as x, y, -x, -y.
+    // Position and rotation of each saddle. The saddle's edge k points in direction k + rotation
+    // (modulo 4) of the grid, counted as x, y, -x, -y.
     let mut placed: Vec<Option<([i32; 2], usize)>> = vec![None; saddles.len()];
     let mut grids = Vec::new();
     for seed in 0..saddles.len() {

@@ -6,14 +6,14 @@ use super::saddles::Saddle;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// Two limits. AHEAD: minimum cosine between an edge and the direction to the neighbour. ALIKE:
-/// minimum cosine between the neighbour's edge and the direction back.
+/// AHEAD: minimum cosine between an edge and the direction to the neighbour. ALIKE: minimum cosine
+/// between the neighbour's edge and the direction back.
 const AHEAD: f64 = 0.965;
 const ALIKE: f64 = 0.9;
 /// Maximum number of neighbours that are tried along an edge.
 const TRIED: usize = 6;
 
-/// Indexed by corner and edge: the neighbour, and the neighbour's edge that leads back.
+/// For each corner and each of its edges: the neighbour, and the neighbour's edge that leads back.
 pub(super) type Links = Vec<[Option<(usize, usize)>; 4]>;
 
 /// Returns the links for which each of the two corners finds the other.
@@ -61,8 +61,8 @@ fn next(grey: &Grey, saddles: &[Saddle], from: &Saddle, edge: usize) -> Option<(
     })
 }
 
-/// Whether the line between two corners is an edge whose dark side is the clockwise side if
-/// `dark_clockwise`, else the other side.
+/// Whether the line between two corners is an edge whose dark side is the clockwise side (if
+/// `dark_clockwise` is set) or the counter-clockwise side (if not).
 fn is_edge(grey: &Grey, from: &Saddle, to: &Saddle, dark_clockwise: bool) -> bool {
     let step = to.px - from.px;
     let length = step.length();

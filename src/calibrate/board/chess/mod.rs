@@ -42,7 +42,7 @@ const HALVINGS: u32 = 3;
 const WORTH_A_WORD: usize = 6;
 /// Minimum distance between corners in pixels.
 const LEAST_PX: f64 = 5.0;
-/// At most one in this many corners of a complete board may fail to be measured.
+/// Measurement may fail for at most one in this many corners of a complete board.
 const SPARE: usize = 10;
 
 /// Finds the corners of a chessboard in an image and returns them row by row, labelled as seen from
@@ -57,7 +57,7 @@ pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     search(board, image, &Stop::default())
 }
 
-/// [`find`], which returns [`NotFound::Interrupted`] soon after a stop is requested.
+/// Like [`find`], but returns [`NotFound::Interrupted`] soon after a stop is requested.
 pub(crate) fn search(
     board: &Board,
     image: &BoardImage,

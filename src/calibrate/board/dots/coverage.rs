@@ -1,15 +1,16 @@
-//! Fraction of each pixel that an ellipse covers, and its derivatives by the ellipse's parameters.
+//! Fraction of each pixel that an ellipse covers, and its derivatives with respect to the ellipse's
+//! parameters.
 //!
 //! By Green's theorem, a pixel's covered area is an integral along the outline e(t): the extent of
-//! the pixel to the left of e, times dy. Its derivative by a parameter q of the outline is the
-//! integral of (de/dq x de/dt) over the part of the outline inside the pixel.
+//! the pixel to the left of e, times dy. Its derivative with respect to a parameter q of the
+//! outline is the integral of (de/dq x de/dt) over the part of the outline inside the pixel.
 //!
 //! Without blur, the outline is split where it crosses pixel borders, and each piece is integrated
 //! by three-point Gauss quadrature: exact to about 1e-7 of a pixel. With Gaussian blur, the pixel's
 //! box is convolved with the Gaussian, which gives a difference of normal distribution functions.
 //! The integrand is then a smooth and periodic function of t, for which the trapezoid rule
 //! converges exponentially: nodes h standard deviations apart err by about exp(-2 pi^2 / h^2). The
-//! derivative by the blur's variance is half the Laplacian (the heat equation).
+//! derivative with respect to the blur's variance is half the Laplacian (the heat equation).
 //!
 //! The distribution function comes from a table: nodes h = 1/32 apart, interpolated by cubic
 //! Hermite polynomials, whose error is at most h^4 / 384 max|f''''|, below 1e-8 here.
@@ -17,9 +18,10 @@
 use super::find::{Ellipse, Window};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-/// Values of one pixel: 0: covered fraction; 1 to 5: its derivatives by centre x, y, shape xx, xy
-/// (both off-diagonal elements together), yy; 6: derivative by the blur's variance; 7: coverage
-/// that the outline inside this pixel adds to every pixel to its left in the row.
+/// Values of one pixel: 0: covered fraction; 1 to 5: its derivatives with respect to centre x, y,
+/// shape xx, xy (both off-diagonal elements together), yy; 6: derivative with respect to the blur's
+/// variance; 7: coverage that the outline inside this pixel adds to every pixel to its left in the
+/// row.
 pub(super) type Cell = [f64; 8];
 
 /// Blur with a variance below this (in pixels squared) is treated as no blur.
@@ -56,7 +58,7 @@ pub(super) fn cover(
 }
 
 /// One quadrature node of the outline: position relative to the window's first pixel, and
-/// contribution to the derivatives by centre x, y and shape xx, xy, yy.
+/// contribution to the derivatives with respect to centre x, y and shape xx, xy, yy.
 struct Node {
     x: f64,
     y: f64,
@@ -178,8 +180,8 @@ impl Profile {
         let mut before = edge(begin as f64 - 0.5);
         for (k, value) in self.range.clone().zip(&mut self.values) {
             let after = edge(k as f64 + 0.5);
-            // Derivative by the pixel's position: density at its far edge minus density at its near
-            // edge.
+            // Derivative with respect to the pixel's position: density at its far edge minus
+            // density at its near edge.
             *value = [
                 before[0] - after[0],
                 before[1] - after[1],
@@ -361,7 +363,7 @@ mod tests {
             let cells = covered(&ellipse(), variance);
             let h = 1e-5;
             for parameter in 0..6 {
-                // Without blur, the derivative by the variance is not computed.
+                // Without blur, the derivative with respect to the variance is not computed.
                 if parameter == 5 && variance == 0.0 {
                     continue;
                 }

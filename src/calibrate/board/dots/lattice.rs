@@ -224,7 +224,7 @@ pub(super) fn predict(cell: Cell, known: impl Fn(Cell) -> Option<DVec2>) -> Opti
     }
     let [s, u, v, uu, uv, vv] = n;
     let matrix = glam::DMat3::from_cols_array(&[s, u, v, u, uu, uv, v, uv, vv]);
-    // Three cells of the neighbourhood that are not collinear give at least 2.5e-5.
+    // The determinant is at least 2.5e-5 if three cells of the neighbourhood are not collinear.
     if !(matrix.determinant() > 1e-6) {
         return None;
     }

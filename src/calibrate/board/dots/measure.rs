@@ -8,8 +8,8 @@ use crate::board::BoardImage;
 use phasmid_core::statistics::finite_median;
 use rayon::prelude::*;
 
-/// The fit of a dot uses a ring of paper around it. This is the ring's width in pixels, to which a
-/// width for the blur is added.
+/// The fit of a dot uses a ring of paper around it. This is the width of that ring in pixels; three
+/// standard deviations of the blur are added to it.
 const RING: f64 = 3.0;
 /// Approximate number of dots that the blur is estimated from.
 const SAMPLES: usize = 32;

@@ -60,7 +60,7 @@ pub fn find(board: &Board, image: &BoardImage) -> Result<Vec<Seen>, NotFound> {
     search(board, image, &Stop::default())
 }
 
-/// [`find`], which returns [`NotFound::Interrupted`] soon after a stop is requested.
+/// Like [`find`], but returns [`NotFound::Interrupted`] soon after a stop is requested.
 pub(crate) fn search(
     board: &Board,
     image: &BoardImage,

@@ -1,4 +1,5 @@
-//! Test helper: synthetic decoded maps with ground truth from a rig and a board's pose.
+//! Test helper that creates synthetic decoded maps, with ground truth, from a rig and a board's
+//! pose.
 
 use super::super::Seen;
 use super::super::bias::image;

@@ -1,5 +1,5 @@
 //! Tests that the covariance is right: over many seeds, errors are as large as the covariance
-//! predicts, and that covariance agrees with the prediction from the geometry alone.
+//! predicts, and the covariance agrees with the prediction from the geometry alone.
 
 use super::super::{Choice, Coefficients, Solution, chi_square_below, chi_square_bound, solve};
 use super::scene::{Scene, rig};

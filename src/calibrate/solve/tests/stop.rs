@@ -14,8 +14,8 @@ fn scene() -> Scene {
     Scene::bench(8, 3)
 }
 
-/// A bundle whose `stop` has been asked, and the initial state that it would have found without
-/// that.
+/// A bundle whose stop has been requested, and the initial state that it would have found without
+/// the request.
 fn asked(choice: &Choice) -> (Bundle, State) {
     let scene = scene();
     let mut bundle = Bundle::new(&scene.board, &scene.sightings(Some(1)));

@@ -127,7 +127,7 @@ fn a_stalled_block_is_given_up() {
 }
 
 proptest! {
-    /// After any input, and once the client has hung up and sent `*CLS`, the device answers again.
+    /// After any input, the device answers again once the client has reconnected and sent `*CLS`.
     #[test]
     fn answers_after_any_bytes(chunks in proptest::collection::vec(
         prop_oneof![
@@ -160,7 +160,7 @@ fn opc_waits_for_the_last_frame() {
     let mut port = Port::new();
     assert_eq!(port.ask("*OPC?"), "1");
     assert_eq!(port.ask("TRIG:SOUR BUS;:INIT;*TRG;*OPC?;*IDN?"), "");
-    assert_eq!(port.ask("*TST?"), "", "behind the waiting *OPC?");
+    assert_eq!(port.ask("*TST?"), "", "queries wait behind *OPC?");
     assert_eq!(port.at(203 * MS), "");
     assert_eq!(port.at(204 * MS), "1;Phasmid,webcam-grey,0001,0.1.0\n0\n");
     port.ask("*CLS");
@@ -169,17 +169,25 @@ fn opc_waits_for_the_last_frame() {
     port.at(1000 * MS);
     assert_eq!(port.ask("*ESR?"), "1");
     assert_eq!(port.ask("INIT;*WAI;*TST?"), "");
-    assert_eq!(port.ask("*TRG"), "", "a trigger acts at once");
+    assert_eq!(port.ask("*TRG"), "", "a trigger does not wait behind *WAI");
     assert_eq!(port.at(2000 * MS), "0\n");
     assert_eq!(port.ask("INIT;*OPC?"), "");
-    assert_eq!(port.ask("ABOR"), "1", "and so does ABORt");
+    assert_eq!(port.ask("ABOR"), "1", "ABORt does not wait behind *OPC?");
     assert_eq!(port.ask("INIT;*OPC?"), "");
     for _ in 0..100 {
         port.ask("*TST?");
     }
     port.firmware.hang_up();
-    assert_eq!(port.error(), -363, "what waits is bounded");
-    assert_eq!(port.ask("*TST?"), "0", "and goes with the cable");
+    assert_eq!(
+        port.error(),
+        -363,
+        "the queue of waiting messages is bounded"
+    );
+    assert_eq!(
+        port.ask("*TST?"),
+        "0",
+        "a hang-up discards waiting messages"
+    );
 }
 
 #[test]

@@ -66,7 +66,11 @@ fn the_data_line_needs_its_columns() {
     let mut port = Port::of(&bench());
     port.tell("CAM:ROI 800,3,256,10");
     assert_eq!(port.ask("CAM:ROI?"), "800,3,256,10");
-    assert_eq!(port.firmware.stream().height, 11, "a row more on the wire");
+    assert_eq!(
+        port.firmware.stream().height,
+        11,
+        "the data line adds a row"
+    );
     for roi in ["0,0,255,10", "900,0,MAX,10"] {
         assert_eq!(port.ask(&format!("CAM:ROI {roi}")), "");
         assert_eq!(port.error(), -222, "{roi}");
@@ -113,7 +117,7 @@ fn setting_stays_when_the_link_cannot_change() {
         );
         assert_eq!(port.ask("CAM:FORM?;ROI?"), "YUYV;0,0,1138,489");
     }
-    assert_eq!(port.ask("CAM:GAIN?"), "0", "*RST has reset the rest");
+    assert_eq!(port.ask("CAM:GAIN?"), "0", "*RST resets all other settings");
     node.read(false);
     port.tell("CAM:FORM GREY");
 }

@@ -132,7 +132,11 @@ fn power_cycle_resets_all_but_frame_ids() {
     port.collect();
     let (taken, after) = (port.taken(), port.firmware.next_id());
     assert!(taken.iter().map(|shot| shot.0).eq(0..after) && after >= before);
-    assert_eq!(port.at(10_000 * MS), "", "nothing of it goes on");
+    assert_eq!(
+        port.at(10_000 * MS),
+        "",
+        "no operation survives the power cycle"
+    );
     assert_eq!(port.taken(), []);
     assert_eq!(port.firmware.in_flight(), 0);
     assert_eq!(port.ask("*ESR?"), "128", "power on");

@@ -95,7 +95,7 @@ fn timing_beyond_the_controller_is_refused() {
     assert_eq!(port.ask("PROJ:EXP?;:SEQ:PER?"), "0.0085;0.01", "as before");
     port.tell("CAM:EXP 1ms;:SEQ:PER 8730us");
     assert_eq!(port.ask("SEQ:PER? MIN"), "0.0085");
-    // Two limits apply: the margin of the controller, and the dark time.
+    // Two limits apply: the controller's margin and the dark times.
     let mut port = self::port(dark);
     assert_eq!(port.ask("PROJ:EXP? MAX"), "0.00977");
     port.ask("PROJ:EXP 10ms");

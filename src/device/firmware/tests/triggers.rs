@@ -13,7 +13,7 @@ fn one_trigger_runs_the_sequence_on_time() {
     assert_eq!(
         port.taken(),
         [],
-        "armed, nothing is exposed before the trigger"
+        "an armed device exposes nothing before the trigger"
     );
     port.tell("*TRG");
     assert_eq!(port.ask("STAT:OPER:COND?"), "16");
@@ -32,7 +32,7 @@ fn one_trigger_runs_the_sequence_on_time() {
     port.at(6000 * MS);
     let ids: Vec<_> = port.taken().iter().map(|s| (s.0, s.1)).collect();
     let expected: Vec<_> = (0..13).map(|i| (13 + u64::from(i), Some(i))).collect();
-    assert_eq!(ids, expected, "ids go on");
+    assert_eq!(ids, expected, "ids continue");
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn abort_ends_a_run_and_continuous_mode_rearms() {
     assert_eq!(port.taken().len(), 2);
     port.tell("ABOR");
     port.at(1000 * MS);
-    assert_eq!(port.taken(), [], "an exposure cut short gives no frame");
+    assert_eq!(port.taken(), [], "an aborted exposure gives no frame");
     assert_eq!(port.firmware.state(), State::Armed { next: 0 });
     port.tell("*TRG");
     port.at(2000 * MS);
@@ -105,7 +105,7 @@ fn only_the_source_that_is_set_triggers() {
     port.at(1000 * MS);
     assert_eq!(port.taken().len(), 13);
     port.firmware.external_trigger(1000 * MS);
-    assert_eq!(port.error(), -211, "recognised, but not armed");
+    assert_eq!(port.error(), -211, "the device is not armed");
     port.tell("TRIG:SOUR BUS;:INIT");
     port.firmware.external_trigger(1000 * MS);
     port.at(2000 * MS);
@@ -117,11 +117,7 @@ fn free_run_exposes_only_while_streaming() {
     let mut port = Port::new();
     port.at(1000 * MS);
     assert_eq!(port.taken(), [], "nobody reads");
-    assert_eq!(
-        port.firmware.next_event_ns(),
-        None,
-        "and nothing wakes the device"
-    );
+    assert_eq!(port.firmware.next_event_ns(), None, "no event is pending");
     port.firmware.set_streaming(true, port.now_ns);
     port.tell("CAM:INT 50ms;:PROJ:PATT 2");
     port.at(1200 * MS);
@@ -135,12 +131,12 @@ fn free_run_exposes_only_while_streaming() {
     assert_eq!(
         starts,
         [1200, 1400, 1600],
-        "an exposure stretches the interval"
+        "a long exposure lengthens the interval"
     );
     port.at(100_000 * MS);
     assert!(
         port.taken().len() <= 2 + 5,
-        "no catching up after a long stall"
+        "frames are skipped after a long stall"
     );
     port.tell("TRIG:SOUR BUS");
     port.at(101_000 * MS);
@@ -169,11 +165,15 @@ fn a_sequence_has_the_same_noise_however_long_the_camera_ran_free() {
     let (sequence, free) = noise_ids(2000);
     assert_eq!(sequence, noise_ids(500).0);
     assert_eq!(sequence.len(), 13);
-    assert!(free.len() > 50, "it ran free");
+    assert!(free.len() > 50, "the camera runs free");
     let mut all: Vec<_> = sequence.iter().chain(&free).map(|shot| shot.1).collect();
     all.sort_unstable();
     all.dedup();
-    assert_eq!(all.len(), sequence.len() + free.len(), "no noise twice");
+    assert_eq!(
+        all.len(),
+        sequence.len() + free.len(),
+        "no noise id occurs twice"
+    );
 }
 
 #[test]
@@ -228,7 +228,11 @@ fn the_truth_is_asked_about_the_exposures_that_were() {
     let period: u64 = (seconds(&port.ask("SEQ:PER?")) * 1e9).round() as u64;
     let count: u64 = port.ask("SEQ:COUN?").parse().unwrap();
     let from = |start: u64| (0..count).map(|i| start + i * period).collect::<Vec<_>>();
-    assert_eq!(starts(&port), from(7 * MS), "as if triggered now");
+    assert_eq!(
+        starts(&port),
+        from(7 * MS),
+        "without a run, times are as if triggered now"
+    );
     port.tell("TRIG:SOUR BUS;:INIT");
     port.at(100 * MS);
     port.tell("*TRG");
@@ -236,7 +240,7 @@ fn the_truth_is_asked_about_the_exposures_that_were() {
     assert_eq!(
         starts(&port),
         from(100 * MS + period),
-        "not all have been taken"
+        "the second run is not complete"
     );
     port.at(100 * MS + count * period);
     port.at(90_000 * MS);

@@ -45,8 +45,8 @@ impl Ends {
         })
     }
 
-    /// Performs an action, or returns it if clients must read earlier output first. `monotonic_ns`
-    /// is the reading of the system's clock at time 0 of the replay.
+    /// Performs an action, or returns the action if clients must read earlier output first.
+    /// `monotonic_ns` is the reading of the system's clock at time 0 of the replay.
     pub(super) fn perform(
         &mut self,
         output: Output,

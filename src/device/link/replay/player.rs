@@ -13,7 +13,7 @@ use phasmid_protocol::record::{Channel, Event, Reader, Record};
 use std::collections::VecDeque;
 use std::io::Read;
 
-/// Maximum number of client bytes that wait for comparison.
+/// Maximum number of client bytes that wait to be compared with the recording.
 const MAX_INPUT: usize = 64 << 10;
 /// A frame whose timestamp differs by at least this much from its arrival was timestamped by another
 /// clock.
@@ -148,7 +148,7 @@ impl<R: Read> Player<R> {
         }
     }
 
-    /// Returns whether the port may be read. It may not while many bytes wait for comparison, or
+    /// Returns whether the port may be read: not while many bytes wait for comparison, and not
     /// before the session of a disconnected client has ended.
     pub(super) fn listens(&self) -> bool {
         !self.gone && self.input.len() < MAX_INPUT
@@ -166,7 +166,7 @@ impl<R: Read> Player<R> {
     pub(super) fn next(&mut self, now_ns: u64) -> Option<Output> {
         while self.next_event_ns().is_some_and(|due_ns| due_ns <= now_ns) {
             let due = self.ahead.take()?;
-            // Output to a disconnected client is lost, as on a wire.
+            // Output for a disconnected client is lost, as on a physical line.
             let heard = !self.gone && due.session == self.session;
             // The client loses the port.
             self.gone |= self.spoke && due.output == Output::Gone(End::Port);
@@ -292,7 +292,8 @@ impl<R: Read> Player<R> {
         self.depart(place, Said::Words(expected), Said::Bytes(came));
     }
 
-    /// Records where the client departed from the recording; it gets no further answers.
+    /// Records where the client departed from the recording. The client then gets no further
+    /// answers.
     fn depart(&mut self, (number, time_ns): (u64, u64), expected: Said, came: Said) {
         let departure = Departure {
             number,

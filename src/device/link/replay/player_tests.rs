@@ -227,7 +227,7 @@ fn read_ahead_is_bounded() {
     assert_eq!(player.ahead.len(), MAX_AHEAD.0);
     assert!(player.listens());
     player.receive(&[b'x'; MAX_INPUT], 0);
-    assert!(!player.listens(), "it waits to be compared");
+    assert!(!player.listens(), "bytes wait to be compared");
     let mut count = 0;
     while player.next(5000).is_some() {
         count += 1;
@@ -255,7 +255,7 @@ fn recorded_unplugging_of_the_port_is_replayed() {
     let mut player = player(&events);
     player.receive(b"x", 100);
     assert_eq!(outputs(&mut player, 102), ["gone"]);
-    assert!(player.listens(), "a new client may come");
+    assert!(player.listens(), "a new client may connect");
     assert_eq!(outputs(&mut player, 112), ["back"]);
     player.receive(b"y", 200);
     assert_eq!(outputs(&mut player, 201), ["z"]);

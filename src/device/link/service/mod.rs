@@ -139,7 +139,7 @@ enum Line {
     End,
 }
 
-/// Answers a client until it disconnects or has to make room.
+/// Answers a client until the client disconnects or must make room for another one.
 async fn converse(stream: UnixStream, caller: mpsc::Sender<Call>, place: Place) -> io::Result<()> {
     let (reader, mut writer) = stream.into_split();
     let mut reader = BufReader::new(reader);

@@ -9,7 +9,7 @@ use tokio::time::Instant;
 
 /// Maximum number of clients.
 pub(super) const MAX_CLIENTS: usize = 16;
-/// A client that has been idle for this long can be disconnected in favour of a new one.
+/// A client that has been idle for this long can be disconnected to make room for a new one.
 pub(super) const IDLE: Duration = Duration::from_secs(10);
 
 /// The slots of all clients; clones share them.
@@ -33,8 +33,8 @@ struct Client {
 }
 
 impl Places {
-    /// Returns a set of free slots. A client that has been idle for `idle` can be disconnected in
-    /// favour of a new one.
+    /// Returns a set of free slots. A client that has been idle for `idle` can be disconnected to
+    /// make room for a new one.
     pub(super) fn new(idle: Duration) -> Self {
         Self {
             idle,
@@ -106,7 +106,7 @@ impl Place {
         }
     }
 
-    /// Waits until the client has to disconnect in favour of another.
+    /// Waits until the client has to disconnect to make room for another.
     pub(super) async fn taken_back(&self) {
         self.leave.notified().await;
     }

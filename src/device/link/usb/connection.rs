@@ -12,7 +12,7 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
 /// Maximum number of chunks passed to one write.
 const SLICES: usize = 64;
-/// Number of queued chunks from which on no more commands are read.
+/// Number of queued chunks at which reading of commands stops.
 const MAX_OUTGOING: usize = 4096;
 const READ_LEN: usize = 64 << 10;
 

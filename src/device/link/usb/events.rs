@@ -7,8 +7,8 @@
 use super::Event;
 use std::collections::VecDeque;
 
-/// Number of queued events from which on no more commands are read; the firmware takes events many
-/// times a second.
+/// Number of queued events at which reading of commands stops. The firmware takes events many times
+/// a second.
 const MAX_EVENTS: usize = 1024;
 
 /// Events in order of occurrence.

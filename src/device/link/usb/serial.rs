@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 /// Maximum number of serial bytes queued for the host.
 const MAX_TO_HOST: usize = 1 << 20;
-/// Number of serial bytes queued for the firmware from which on the host has to wait.
+/// Number of serial bytes queued for the firmware at which the host has to wait.
 const MAX_TO_DEVICE: usize = 64 << 10;
 /// Maximum number of bytes in transfers from the host that have not completed.
 const MAX_HELD: usize = 4 << 20;

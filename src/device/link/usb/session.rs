@@ -134,7 +134,7 @@ impl Session {
                     ));
                 }
             }
-            // No such endpoint.
+            // The endpoint does not exist.
             _ => self.outgoing.received(submit.seqnum, status::STALL, 0),
         }
         if self.serial.waiting() + self.video.waiting() > MAX_WAITING {
@@ -194,7 +194,7 @@ impl Session {
         self.video.stop();
     }
 
-    /// Completes pending transfers in both directions as far as data for them is queued.
+    /// Completes the pending transfers, in both directions, for which data is queued.
     pub(super) fn pump(&mut self, now: Duration) {
         if self.function.is_halted(0x80 | VIDEO_IN) {
             self.video.stall(&mut self.outgoing);

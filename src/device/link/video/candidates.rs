@@ -59,7 +59,7 @@ pub(super) enum Unfit {
     State(String),
 }
 
-/// Checks the properties that a node reports; returns why it is unsuitable, if it is.
+/// Checks the properties that a node reports; returns the reason if the node is unsuitable.
 pub(super) fn unfit(node: &Node) -> Option<Unfit> {
     if !node.is_loopback() {
         return Some(Unfit::Kind(format!(

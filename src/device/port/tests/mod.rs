@@ -83,7 +83,10 @@ const BANNER: &str = "okline 1.0\r\nready\r\n";
 fn a_sequence_runs_over_plain_lines() {
     let mut desk = Desk::new("okline", None);
     assert_eq!(desk.line(""), BANNER, "boot chatter");
-    assert_eq!(desk.now_ns, 150_000_000, "when it says so");
+    assert_eq!(
+        desk.now_ns, 150_000_000,
+        "the last power-on message comes after 150 ms"
+    );
     assert!(
         desk.line("version")
             .starts_with("scanner Phasmid,webcam-grey,")
@@ -135,7 +138,11 @@ fn errors_have_the_dialect_s_numbers_and_are_not_left_behind() {
     }
     let long = format!("select {}", "x".repeat(5000));
     assert!(desk.line(&long).starts_with("error 13 "));
-    assert_eq!(desk.line("gain?"), "ok 0\r\n", "the next line is one again");
+    assert_eq!(
+        desk.line("gain?"),
+        "ok 0\r\n",
+        "the next line is parsed normally"
+    );
     let now = desk.now_ns;
     let firmware = desk.machine.firmware_mut();
     firmware.receive(b"SYST:ERR:COUN?\n", now);
@@ -237,7 +244,11 @@ fn replies_arrive_at_the_times_of_the_baud_rate() {
         let mut desk = Desk::new("okline", Some(baud as u32));
         desk.talk(b"");
         let banner = desk.came[11].0;
-        assert_eq!(banner, 20_000_000 + ns(12, baud), "okline 1.0 and its end");
+        assert_eq!(
+            banner,
+            20_000_000 + ns(12, baud),
+            "arrival of the line okline 1.0"
+        );
         assert!(desk.now_ns > start);
     }
 }

@@ -49,7 +49,7 @@ impl Found {
     }
 }
 
-/// Why a device cannot be read.
+/// Reason why a device cannot be read.
 enum Refusal {
     /// The device has no format or does not capture yet, but a producer may be about to start.
     NotYet(Error),

@@ -73,10 +73,7 @@ fn refuses_fields_that_do_not_match() {
         &["a spacing of (8, 8, 8.5); expected a spacing of "],
     );
     let absent = complaint(|dir, import| import.phases[1].1 = dir.join("no.mha"));
-    has(
-        &absent,
-        &["phase 30 %: ", "no.mha: ", "a file that is there"],
-    );
+    has(&absent, &["phase 30 %: ", "no.mha: ", "an existing file"]);
     let ct = complaint(|_, import| import.phases[1].1 = import.ct.clone());
     has(
         &ct,

@@ -114,11 +114,7 @@ fn syntax_errors_have_their_standard_numbers() {
         assert_eq!(error.code, code, "{}", message.escape_ascii());
     }
     let program = parse(b"*CLS;CAM:EXP 1,;*RST");
-    assert_eq!(
-        program.units.len(),
-        1,
-        "what stands before the mistake is kept"
-    );
+    assert_eq!(program.units.len(), 1, "units before the mistake are kept");
 }
 
 proptest! {

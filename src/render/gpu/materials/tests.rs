@@ -227,7 +227,7 @@ fn gpu_textures_are_averaged_as_on_the_cpu() {
         }
     }
     println!(
-        "of the bar: straight {:.2}, slanted {:.2}; {off} beyond",
+        "worst error / limit: straight footprints {:.2}, slanted ones {:.2}; {off} above the limit",
         worst[0], worst[1]
     );
     // CPU and GPU differ only where rounding decides the number of pieces.

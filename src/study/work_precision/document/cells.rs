@@ -20,7 +20,7 @@ pub(super) fn percent(share: f64) -> String {
 }
 
 pub(super) fn with_spread(spread: Spread, digits: usize) -> String {
-    // Expensive settings run once and have no spread.
+    // Expensive settings are timed only once, so they have no quartiles.
     if spread.low == spread.high {
         return format!("{} (once)", figures(spread.median, digits));
     }

@@ -37,7 +37,7 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
             "filter",
             "rays",
             "smooth, RMSE um",
-            "of noise bound, %",
+            "RMSE / noise bound, %",
             "grey levels, RMS",
             "edges, RMSE um",
             "edges, gross %",
@@ -61,7 +61,7 @@ fn processor(frames: &[&Row], best: &[bool], plot: Figure, bound_um: f64) -> Sec
             of_bound(row, bound_um),
             figures(row.value("levels"), 3),
             um(edges),
-            // The closed form in f64 has no edges, and so no gross errors at edges.
+            // The closed form in f64 is not evaluated at edges, so it has no gross errors there.
             percent(if edges.is_nan() {
                 f64::NAN
             } else {
@@ -162,7 +162,7 @@ fn of_adapter(gpu: &[&Row], best: &[bool], bound_um: f64) -> Section {
             "adapter",
             "rays",
             "smooth, RMSE um",
-            "of noise bound, %",
+            "RMSE / noise bound, %",
             "edges, RMSE um",
             "ns/px",
             "",

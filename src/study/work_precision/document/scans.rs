@@ -41,9 +41,9 @@ pub(super) fn section(scans: &[&Row], settings: &Settings) -> Section {
             "frames",
             "inlier RMSE, um",
             "bound, um",
-            "of bound",
+            "RMSE / bound",
             "held pixels, um",
-            "of bound without them",
+            "RMSE / bound, held pixels removed",
             "gross, %",
             "beyond 5 sigma, %",
             "coverage, %",
@@ -191,7 +191,7 @@ fn scan_figure(all: &[&Row], best: &[bool]) -> Figure {
             scales.push(row.get("scale"));
         }
     }
-    // Settings that cannot be on the front are drawn separately.
+    // Draw settings that cannot be on the Pareto front as a separate series.
     let (scans, unsound): (Vec<&Row>, Vec<&Row>) = all.iter().partition(|row| is_sound(row));
     let scans = scans.as_slice();
     let single = |row: &&&Row| row.get("samples") == "1";
@@ -269,14 +269,15 @@ fn scan_checks(scans: &[&Row], settings: &Settings) -> Vec<Check> {
     };
     let most: f64 = if settings.quick { 24.0 } else { 48.0 };
     let off = error(most) / error(12.0) * (most / 12.0).sqrt() - 1.0;
-    let what =
-        format!("error of {most} steps over that of 12, times the root of their ratio, off 1");
+    let what = format!(
+        "error of {most} steps / (error of 12 steps * sqrt(12 / {most})), difference from 1"
+    );
     let less_held = |steps: f64| {
         let found = scans.iter().find(|row| {
             row.value("steps") == steps && row.get("scale") == "1" && row.get("samples") == "1"
         });
         let ratio = found.map_or(f64::NAN, |row| row.value("ratio_less_held"));
-        let what = format!("error of {steps} steps less held pixels over the bound, off 1");
+        let what = format!("error of {steps} steps without held pixels / bound, difference from 1");
         Check::at_most(what, (ratio - 1.0).abs(), 0.02)
     };
     vec![
@@ -346,7 +347,7 @@ fn least_work(
             "steps",
             "pixels",
             "frames",
-            "Mpixel in all",
+            "total Mpixel",
             "inlier RMSE, um",
         ],
     );

@@ -15,7 +15,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
             "term",
             "pass",
             "RMSE um",
-            "of noise bound, %",
+            "RMSE / noise bound, %",
             "gross, %",
             "lost, %",
         ],
@@ -89,7 +89,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
          or change nothing are off the axes.",
         [
             "time saved without the term, ns per pixel of a scan",
-            "RMSE without it, mm",
+            "RMSE without the term, mm",
         ],
         series.collect(),
     );
@@ -107,7 +107,7 @@ pub(super) fn section(terms: &[&Row], bound_um: f64) -> Section {
                     0.0,
                 ),
                 Check::at_most(
-                    "error of noise over its own pixels' bound, off 1",
+                    "error due to noise / bound of the same pixels, difference from 1",
                     (of_noise - 1.0).abs(),
                     0.03,
                 ),

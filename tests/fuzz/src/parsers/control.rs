@@ -36,8 +36,8 @@ thread_local! {
     static PROFILE: OnceCell<Profile> = const { OnceCell::new() };
 }
 
-/// Sends arbitrary commands to a device for two minutes of device time. The device must count frames
-/// without a gap, reply with lines, and finally still answer with its name.
+/// Sends arbitrary commands to a device for two minutes of device time. The device must count
+/// frames without a gap, reply with complete lines, and still identify itself at the end.
 pub fn firmware(bytes: &[u8]) -> bool {
     let profile = PROFILE.with(|cell| {
         let load = || Profile::load("webcam-grey").expect("is built in");

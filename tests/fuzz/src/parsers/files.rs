@@ -10,9 +10,9 @@ pub fn with_file(extension: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> bo
     let thread = std::thread::current().id();
     let name = format!("phasmid-fuzz-{}-{thread:?}.{extension}", std::process::id());
     let path = std::env::temp_dir().join(name);
-    std::fs::write(&path, bytes).expect("room for a small file");
+    std::fs::write(&path, bytes).expect("a small file can be written");
     let known = read(path.clone());
-    std::fs::remove_file(path).expect("it was there");
+    std::fs::remove_file(path).expect("the file exists");
     known
 }
 
@@ -21,7 +21,8 @@ fn mesh(extension: &str, bytes: &[u8]) -> bool {
         let Ok(mesh) = Mesh::read(&path) else {
             return false;
         };
-        mesh.checked("fuzz").expect("what is read can be rendered");
+        mesh.checked("fuzz")
+            .expect("a mesh that was read can be rendered");
         true
     })
 }
@@ -53,12 +54,15 @@ pub fn image(bytes: &[u8]) -> bool {
         )
     };
     with_file("png", bytes, |path| {
-        let name = path.file_name().expect("it has one").to_string_lossy();
+        let name = path
+            .file_name()
+            .expect("the path has a file name")
+            .to_string_lossy();
         let frames: String = [0.0, 2.0, 4.0].map(|phase| frame(&name, phase)).concat();
         let text = format!("[projector]\nwidth_px = 64\nheight_px = 64\n{frames}");
         let manifest = Manifest::parse(&text, "fuzz").expect("a manifest");
         let plan = Plan::new(&manifest).expect("three steps");
-        let folder = path.parent().expect("it has one");
+        let folder = path.parent().expect("the path has a parent folder");
         let Ok(images) = load_frames(&manifest, &plan, folder) else {
             return false;
         };

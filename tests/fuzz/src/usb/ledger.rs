@@ -70,7 +70,7 @@ impl Ledger {
     /// Checks the first complete reply and returns its length.
     fn reply(&mut self) -> Option<usize> {
         let (header, rest) = self.received.split_first_chunk::<HEADER_LEN>()?;
-        match Reply::decode(header).expect("a device's reply is one") {
+        match Reply::decode(header).expect("a valid reply") {
             Reply::Unlink { seqnum, status } => {
                 let target = self.unlinks.remove(&seqnum).expect("an unlink was sent");
                 let held = self.open.remove(&target).is_some();
@@ -88,9 +88,12 @@ impl Ledger {
                 packets,
                 ..
             } => {
-                let submit = *self.open.get(&seqnum).expect("a transfer that waits");
-                assert!(actual <= submit.length, "more than there is room for");
-                assert_eq!(packets, submit.packets, "packets as they were asked for");
+                let submit = *self.open.get(&seqnum).expect("the transfer is pending");
+                assert!(actual <= submit.length, "the data exceeds the transfer");
+                assert_eq!(
+                    packets, submit.packets,
+                    "the number of packets is as requested"
+                );
                 let data = if submit.input { actual as usize } else { 0 };
                 let table = rest.get(data..data + packets.unwrap_or(0) as usize * PACKET_LEN)?;
                 let table = table.as_chunks::<PACKET_LEN>().0;
@@ -98,7 +101,7 @@ impl Ledger {
                 assert!(packets.iter().all(|packet| packet.actual <= packet.length));
                 if !packets.is_empty() {
                     let sum: u32 = packets.iter().map(|packet| packet.actual).sum();
-                    assert_eq!(sum, actual, "what the packets have in all");
+                    assert_eq!(sum, actual, "the packets add up to the transfer");
                 }
                 self.open.remove(&seqnum);
                 Some(HEADER_LEN + data + size_of_val(table))

@@ -145,7 +145,9 @@ impl Wire {
     pub fn close(mut self) -> Result<()> {
         self.pipe.borrow_mut().closed = true;
         self.set_flow(usize::MAX, usize::MAX);
-        self.outcome.take().expect("a host that has gone is let go")
+        self.outcome
+            .take()
+            .expect("the device ends the connection of a host that has left")
     }
 }
 

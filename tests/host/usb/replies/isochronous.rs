@@ -22,10 +22,10 @@ fn isochronous_transfers_end_in_time_with_or_without_a_frame() {
     host.start_isochronous();
     host.read_packets(32, 3072);
     assert!(host.put(1));
-    assert_eq!(host.replies(), [], "not before its time");
+    assert_eq!(host.replies(), [], "no reply before the transfer's end");
     host.read_packets(32, 3072);
     host.wire.advance(31 * MICROFRAME);
-    assert_eq!(host.replies(), [], "nor a microframe before");
+    assert_eq!(host.replies(), [], "no reply a microframe too early");
     host.wire.advance(MICROFRAME);
     let replies = host.replies();
     let [(Reply::Submit { actual, .. }, bytes)] = &replies[..] else {
@@ -53,7 +53,7 @@ fn isochronous_transfers_end_in_time_with_or_without_a_frame() {
                 ..
             }
         ),
-        "an empty one"
+        "the transfer is empty"
     );
 }
 

@@ -26,7 +26,7 @@ fn frames_go_out_whole_and_in_order_in_bulk() {
             status: status::UNLINKED,
         };
         assert_eq!(host.unlink(first), [(unlinked, vec![])]);
-        assert!(!host.device.is_streaming(), "everything was taken back");
+        assert!(!host.device.is_streaming(), "all transfers are unlinked");
         for (id, (data, bits)) in (1..4).zip(host.stream(1..4, agreed.max_payload)) {
             assert_eq!(data, frame(id).data);
             let toggled = (id % 2) as u8;
@@ -93,8 +93,12 @@ fn a_slow_host_gets_the_newest_of_a_free_camera() {
     for (data, id) in newest.into_iter().zip((94..=101).rev()) {
         assert_eq!(*data, frame(id).data);
     }
-    assert!(frames.len() < 10, "the others are gone: {}", frames.len());
-    assert_eq!(host.device.lost(), 0, "and are no loss");
+    assert!(
+        frames.len() < 10,
+        "older frames are dropped: {}",
+        frames.len()
+    );
+    assert_eq!(host.device.lost(), 0, "dropped frames do not count as lost");
 }
 
 #[test]

@@ -134,7 +134,7 @@ fn has_no_error_that_varies_within_a_pixel() {
 fn covariance_is_near_cramer_rao_bound() {
     let scene = small(0.0, 0.0, 0.0);
     let seen = find(&scene.board, &scene.image()).unwrap();
-    // Derivative of the image by a shift of the board along x.
+    // Derivative of the image with respect to a shift of the board along x.
     let moved = |px: f64| {
         let mut scene = small(0.0, 0.0, 0.0);
         scene.pose.translation_mm.x += px * 1000.0 / 632.2;

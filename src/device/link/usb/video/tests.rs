@@ -67,13 +67,13 @@ fn pixels_are_written_from_the_frame_itself() {
         for slice in slices[..count].iter().filter(|slice| !slice.is_empty()) {
             let range = slice.as_ptr_range();
             if memory.contains(&range.start) {
-                assert_eq!(range.start, at, "in order and without gaps");
+                assert_eq!(range.start, at, "pixels are in order and without gaps");
                 at = range.end;
             } else {
                 other += slice.len();
             }
         }
-        assert_eq!(at, memory.end, "all of it");
+        assert_eq!(at, memory.end, "the whole frame is written");
         // Only headers of transfers and payloads, and packet descriptors, are written from other
         // memory.
         let payloads = 100_000_usize.div_ceil(if isochronous { 3070 } else { 16_382 });
