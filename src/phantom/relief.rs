@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Number of individual waves.
 const WAVES: i64 = 8;
-/// Random stream of the individual variation.
+/// Random-number stream for the individual variation.
 const STREAM: u32 = 1;
 /// Exponent k of a breast's profile exp(-(r^2/2)^k), fuller than a Gaussian.
 const FULLNESS: f64 = 1.3;

@@ -1,4 +1,5 @@
-//! Data structures common to all foreign formats: named numbers and matrices with their lines.
+//! Data structures common to all foreign formats: named numbers and matrices, each with its
+//! line number in the file.
 
 use super::number::number;
 use phasmid_geometry::file;

@@ -49,7 +49,7 @@ pub enum Unsolved {
     /// No pose of the board fits the observations for a known rig.
     #[error("the board cannot be placed: {found}; expected {wanted}")]
     Unplaced {
-        /// Description of the problem with the points.
+        /// Description of what is wrong with the points.
         found: String,
         /// Points needed.
         wanted: String,

@@ -56,7 +56,7 @@ const CONTRAST_DN: f32 = 12.0;
 /// modulation, and larger values are implausible.
 const USUAL: std::ops::Range<f64> = 0.5..2.0;
 /// Maximum phase change between neighbouring pixels, and maximum difference of two successive changes,
-/// in radians: larger ones are edges.
+/// in radians. Larger values are treated as edges.
 const MOST_RAD: (f32, f32) = (1.5, 1.0);
 /// Minimum mean square, over all pixels, of the factor by which second differences show the error.
 const LEAST_SHOWN: f64 = 0.1;

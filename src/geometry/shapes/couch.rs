@@ -51,7 +51,7 @@ const TRIANGLES: RangeInclusive<f64> = 2000.0..=4e6;
 
 /// Radius of the corners in plan view.
 const CORNER_MM: f64 = 45.0;
-/// Half the length of a notch, measured where its depth is about half.
+/// Half the length of a notch, measured at about half of the notch's depth.
 const NOTCH_HALF_MM: f64 = 12.0;
 /// Number of points on each of the four rounded edges of a cross-section.
 const ARC: usize = 8;

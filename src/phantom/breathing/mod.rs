@@ -25,13 +25,13 @@ pub const REFERENCE_PHASE: usize = 5;
 /// Number of phases of a 4D-CT.
 pub const PHASES: usize = 10;
 
-/// Random stream of the phase over time.
+/// Random-number stream for the phase over time.
 const PHASE: u32 = 10;
-/// Random stream of the depth of cycles.
+/// Random-number stream for the depth of cycles.
 const DEPTH: u32 = 11;
-/// Random stream of the first mode's own depth; the other modes use the streams after it.
+/// Random-number stream for the first mode's own depth; the other modes use the streams after it.
 const OWN: u32 = 12;
-/// Random stream of the wandering baseline.
+/// Random-number stream for the wandering baseline.
 const BASELINE: u32 = 20;
 /// Time scale of the baseline's wander, in seconds.
 const WANDER_S: f64 = 15.0;
@@ -161,7 +161,7 @@ fn course(phase: f64, exponent: u32) -> f64 {
     (PI * phase).cos().powi(2 * exponent as i32)
 }
 
-/// Random stream of the coughs.
+/// Random-number stream for the coughs.
 const COUGH: u32 = 21;
 /// Length of a time slot, which contains at most one random cough.
 const SLOT_S: f64 = 10.0;

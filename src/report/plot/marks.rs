@@ -66,7 +66,7 @@ pub fn cells(sheet: &mut Sheet, panel: &Panel, class: &str, counts: &[usize], co
         };
         let place = DVec2::new((i % columns) as f64, row as f64);
         let corner = panel.corner + place * size;
-        // Up to five layers of the translucent fill, more for larger counts.
+        // One to five layers of the translucent fill, in proportion to the count.
         let layers = (*count * 5).div_ceil(most);
         for _ in 0..layers {
             sheet.rect(&format!("area {class}"), corner, size, None);

@@ -31,7 +31,7 @@ pub(super) fn signal_to_noise(row: &Row) -> f64 {
     row.value("modulation_dn") / (row.value("noise_dn").powi(2) + 1.0 / 12.0).sqrt()
 }
 
-/// Tabulates, for each number of steps and each noise, the largest value over the bins.
+/// Tabulates, for each number of steps and each noise level, the largest value over the bins.
 pub(super) fn by_steps_and_noise(
     rows: &Rows,
     name: &str,

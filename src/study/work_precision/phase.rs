@@ -9,8 +9,8 @@ use phasmid_pattern::Axis;
 use phasmid_render::truth::Truth;
 use std::f64::consts::TAU;
 
-/// Returns modulation and phase of each pixel as a complex number, from N equal steps: the projection
-/// on the steps' circle, which is the least-squares fit of A + B cos(phase + step).
+/// Returns the modulation and phase of each pixel as a complex number, computed from N equally spaced
+/// steps: the first Fourier coefficient, which is the least-squares fit of A + B cos(phase + step).
 pub fn phasors(frames: &[Vec<f64>]) -> Vec<DVec2> {
     let steps = frames.len() as f64;
     let pixels = frames.first().map_or(0, Vec::len);

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const MS: u64 = 1_000_000;
 
-/// Parses a scene from a few lines of TOML; its files are in `folder`.
+/// Parses a scene from a few lines of TOML. The files that it refers to are in `folder`.
 fn scene(lines: &str, folder: &Path) -> Scene {
     let text = format!("name = \"s\"\ndescription = \"\"\n{lines}");
     let mut scene = Scene::parse(&text, "s").unwrap();

@@ -23,8 +23,8 @@ pub struct Figures {
     pub projector_px: f64,
     /// Root mean square of the whitened residuals of camera and projector.
     pub whitened: [f64; 2],
-    /// Root mean square of the errors of the projector's coordinates at the exact positions of the
-    /// points, divided by their standard deviations.
+    /// Root mean square of the normalised errors of the projector coordinates: each error, evaluated
+    /// at the true position of a point, is divided by the coordinate's standard deviation.
     pub lit_whitened: f64,
     /// Root mean square of the errors of the projector's coordinates at the exact positions of the
     /// points, in projector pixels.
